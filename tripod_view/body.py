@@ -15,8 +15,16 @@ FARTHEST = 1e9
 """Largest coordinate that is drawn [m]: beyond, a camera cannot be told from what it looks at."""
 
 
+PATIENCE = 10
+"""Positions in a row of another mesh that are passed over without a word: the new mesh is on its way, or was faster."""
+
+
 class BodyError(ValueError):
     """A mesh or a set of node positions that cannot be drawn; the message says why."""
+
+
+class MisfitError(BodyError):
+    """Positions of another mesh."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ class Body:
 
     Attributes:
         surface: The newest mesh, None before the first.
-        skipped: Positions refused since start.
+        skipped: Positions refused since start, but for a few about a change of the mesh.
         reason: Why the newest of them was refused.
     """
 
@@ -68,6 +76,7 @@ class Body:
         self.reason = ""
         self._id_of: dict[int, int] = {}
         self._connectivity = 0
+        self._misfits = 0
 
     def rebuild(self, surface: Surface) -> bool:
         """Take a mesh; return whether it differs from the one before."""
@@ -84,23 +93,27 @@ class Body:
     def fit(self, topology_id: int, positions: FloatArray) -> FloatArray | None:
         """Return flat `positions` [m] as shape (n, 3), None (counted) if they do not fit."""
         try:
-            return self._fitted(topology_id, positions)
+            fitted = self._fitted(topology_id, positions)
         except BodyError as error:
-            self.skipped += 1
-            self.reason = str(error)
+            self._misfits = self._misfits + 1 if isinstance(error, MisfitError) else 0
+            if not 0 < self._misfits <= PATIENCE:
+                self.skipped += 1
+                self.reason = str(error)
             return None
+        self._misfits = 0
+        return fitted
 
     def _fitted(self, topology_id: int, positions: FloatArray) -> FloatArray:
         if self.surface is None:
-            raise BodyError("no mesh yet")
+            raise MisfitError("no mesh yet")
         n = len(self.surface.nodes)
         if positions.size != 3 * n:
-            raise BodyError(f"{positions.size} coordinates for a mesh of {n} nodes")
+            raise MisfitError(f"{positions.size} coordinates for a mesh of {n} nodes")
         known = self._id_of.get(self._connectivity)
         if known is None and topology_id in self._id_of.values():
-            raise BodyError(f"topology id {topology_id} belongs to an older mesh")
+            raise MisfitError(f"topology id {topology_id} belongs to an older mesh")
         if known is not None and topology_id != known:
-            raise BodyError(f"topology id {topology_id}, the mesh has {known}")
+            raise MisfitError(f"topology id {topology_id}, the mesh has {known}")
         shaped = positions.reshape(n, 3)
         _check(shaped, "node")
         self._id_of[self._connectivity] = topology_id

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tripod_view.body import Body, BodyError, Surface
+from tripod_view.body import PATIENCE, Body, BodyError, Surface
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 ONE_WAY = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
@@ -42,18 +42,23 @@ NAN[4] = np.nan
 
 
 @pytest.mark.parametrize(
-    ("topology_id", "positions", "words"),
+    ("topology_id", "positions", "words", "unsaid"),
     [
-        (7, np.zeros(9), "9 coordinates for a mesh of 4 nodes"),
-        (7, np.zeros(13), "13 coordinates"),
-        (7, NAN, "node 1 is not finite"),
-        (7, 1e160 * np.arange(12.0), "node 0 is beyond 1e+09 m"),
-        (8, np.zeros(12), "topology id 8, the mesh has 7"),
+        (7, np.zeros(9), "9 coordinates for a mesh of 4 nodes", PATIENCE),
+        (7, np.zeros(13), "13 coordinates", PATIENCE),
+        (7, NAN, "node 1 is not finite", 0),
+        (7, 1e160 * np.arange(12.0), "node 0 is beyond 1e+09 m", 0),
+        (8, np.zeros(12), "topology id 8, the mesh has 7", PATIENCE),
     ],
 )
-def test_positions_that_do_not_fit_are_counted(topology_id: int, positions: np.ndarray, words: str) -> None:
+def test_positions_that_do_not_fit_are_counted(
+    topology_id: int, positions: np.ndarray, words: str, unsaid: int
+) -> None:
     one = body()
     assert one.fit(7, SQUARE.ravel()) is not None
+    for _ in range(unsaid):
+        assert one.fit(topology_id, positions) is None
+    assert one.skipped == 0
     assert one.fit(topology_id, positions) is None
     assert (one.skipped, words in one.reason) == (1, True)
     assert one.fit(7, SQUARE.ravel()) is not None  # the next good one is drawn again
@@ -61,8 +66,22 @@ def test_positions_that_do_not_fit_are_counted(topology_id: int, positions: np.n
 
 def test_positions_before_the_mesh_are_counted() -> None:
     early = Body()
-    assert early.fit(7, np.zeros(12)) is None
+    for _ in range(PATIENCE + 1):
+        assert early.fit(7, np.zeros(12)) is None
     assert (early.skipped, early.reason) == (1, "no mesh yet")
+
+
+def test_positions_about_a_change_of_the_mesh_are_passed_over_without_a_word() -> None:
+    one = body()
+    one.fit(7, SQUARE.ravel())
+    for _ in range(3):
+        one.rebuild(Surface(SQUARE[:3], ONE_WAY[:1]))
+        for _ in range(PATIENCE):
+            assert one.fit(7, SQUARE.ravel()) is None
+        assert one.fit(8, SQUARE[:3].ravel()) is not None
+        one.rebuild(Surface(SQUARE, ONE_WAY))
+        assert one.fit(7, SQUARE.ravel()) is not None
+    assert (one.skipped, one.reason) == (0, "")
 
 
 def test_refused_positions_do_not_tell_the_id_of_the_mesh() -> None:
@@ -75,7 +94,8 @@ def test_positions_left_over_from_an_older_mesh_are_refused_though_their_count_f
     one = body()
     one.fit(7, SQUARE.ravel())
     assert one.rebuild(Surface(SQUARE, OTHER_WAY))
-    assert one.fit(7, SQUARE.ravel()) is None
+    for _ in range(PATIENCE + 1):
+        assert one.fit(7, SQUARE.ravel()) is None
     assert one.reason == "topology id 7 belongs to an older mesh"
     assert one.fit(9, SQUARE.ravel()) is not None
     assert one.rebuild(Surface(SQUARE, ONE_WAY))  # and back: the old id is known
