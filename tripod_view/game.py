@@ -5,7 +5,7 @@ import viser
 
 from tripod_view.body import Surface
 from tripod_view.picture import MazePicture
-from tripod_view.place import place
+from tripod_view.place import place, send_pose
 from tripod_view.pose import Pose
 
 Rgb = tuple[int, int, int]
@@ -95,6 +95,7 @@ class Game:
             self._ball = None
         if radius is not None:
             self._ball = self._api.add_frame("/ball", show_axes=False, visible=False)
+            send_pose(self._ball)
             covers = COVER * radius
             self._api.add_icosphere("/ball/sphere", covers, BALL, cast_shadow=False, receive_shadow=False)
             self._api.add_cylinder(

@@ -7,7 +7,7 @@ import viser
 
 from tripod_host.arrays import FloatArray
 from tripod_view.events import Dragged, Dropped, Grabbed, Inbox
-from tripod_view.place import place
+from tripod_view.place import place, send_pose
 from tripod_view.pose import Pose
 
 Rgb = tuple[int, int, int]
@@ -67,6 +67,7 @@ class Handle:
         gizmo = self._api.add_transform_controls(
             NAME, scale=0.03, disable_rotations=not self._turns, depth_test=False, visible=False
         )
+        send_pose(gizmo)
 
         async def on_update(event: viser.TransformControlsEvent) -> None:  # on the server's thread, in order
             client = -1 if event.client_id is None else event.client_id

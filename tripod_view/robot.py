@@ -7,7 +7,7 @@ import viser
 
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Pose, Stand, arm_pose, carriage_pose, clamp_corners
-from tripod_view.place import place
+from tripod_view.place import place, send_pose
 
 Rgb = tuple[int, int, int]
 
@@ -67,7 +67,7 @@ class Robot:
     def _add_rail(self, i: int, stand: Stand) -> viser.FrameHandle:
         frame = carriage_pose(stand, stand.rail)  # at its inner end
         name = f"/base/{i}"
-        handle = self._api.add_frame(name, show_axes=False)
+        handle = self._add_frame(name)
         place(handle, frame)
         length = stand.rail + 0.018
         self._add_box(
@@ -82,14 +82,14 @@ class Robot:
         return handle
 
     def _add_carriage(self, i: int) -> viser.FrameHandle:
-        frame = self._api.add_frame(f"/servos/{i}", show_axes=False)
+        frame = self._add_frame(f"/servos/{i}")
         self._add_box(f"/servos/{i}/body", SERVO_BODY, BODY_SIZE, (0.0, 0.0, 0.0))
         return frame
 
     def _add_arm(self, i: int, stand: Stand) -> viser.FrameHandle:
         """A bracket round the servo body: two cheeks on the axis, plates under and over the clamped end."""
         g, name, colour = self._geometry, f"/arms/{i}", SERVO_COLOURS[i % len(SERVO_COLOURS)]
-        frame = self._api.add_frame(name, show_axes=False)
+        frame = self._add_frame(name)
         corners = clamp_corners(stand, g)
         inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
         lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]
@@ -126,6 +126,7 @@ class Robot:
             origin_radius=0.0008,
             visible=False,
         )
+        send_pose(frame)
         self._api.add_cylinder(
             "/effector/disc",
             g.effector_radius,
@@ -134,6 +135,11 @@ class Robot:
             cast_shadow=False,
             receive_shadow=False,
         )
+        return frame
+
+    def _add_frame(self, name: str) -> viser.FrameHandle:
+        frame = self._api.add_frame(name, show_axes=False)
+        send_pose(frame)
         return frame
 
     def _add_box(self, name: str, colour: Rgb, size: Sequence[float], position: Sequence[float]) -> None:

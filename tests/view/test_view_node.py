@@ -428,6 +428,28 @@ def test_messages_with_nonsense_are_refused_and_shown(stage: Stage, browser: Fak
     browser.wait(lambda: "control mode 77 is unknown" in browser.text())
 
 
+def test_the_arms_of_another_scene_do_not_stand_as_those_before(stage: Stage, browser: FakeBrowser) -> None:
+    def turns(name: str) -> list[list[float]]:
+        """Return how a thing was turned since it was made last."""
+        own = [m for m in list(browser.messages) if m.get("name") == name]
+        made = [i for i, m in enumerate(own) if m["type"] in ("FrameMessage", "TransformControlsMessage")]
+        return (
+            [list(m["wxyz"]) for m in own[made[-1] :] if m["type"] == "SetOrientationMessage"] if made else []
+        )
+
+    stage.sim.jump_to(-1.0, -1.0, -1.0, 0.02)
+    show(stage.sim, "tripod")
+    browser.wait(lambda: browser.value("scene")["name"] == "tripod")
+    browser.wait(lambda: turns("/arms/0") and turns("/arms/0")[-1] != [1, 0, 0, 0])
+    stage.sim.jump_to(0.0, 0.0, 0.0, 0.0)
+    stage.sim.silent = True
+    show(stage.sim, "cross")
+    browser.wait(lambda: browser.value("scene")["name"] == "cross")
+    for name in ("/arms/0", "/servos/0", "/effector"):
+        browser.wait(lambda name=name: turns(name))
+    assert turns("/arms/0")[-1] == [1, 0, 0, 0]
+
+
 def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, browser: FakeBrowser) -> None:
     def last(kind: str, name: str) -> int:
         with_name = [i for i, m in enumerate(browser.messages) if m["type"] == kind and m.get("name") == name]

@@ -21,7 +21,7 @@ function accuracy() {
     const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
     const cost = seconds ? `, ${milli(run.step)} a step, ${Number((1 / seconds).toPrecision(2))} x real time` : "";
     const known = figures.here !== null && figures.here !== undefined;
-    setText(here, known ? `You are here: error below ${percent(figures.here)} (${percent(figures.own)} in the study's motion)${cost}` : `You are here: error not known${cost}; ${figures.why_not ?? ""}`);
+    setText(here, known ? `You are here: error below ${percent(figures.here)} (${percent(figures.own)} in the study's motion)${cost}` : `You are here: error not known${cost}${figures.why_not ? `; ${figures.why_not}` : ""}`);
     picture.replaceChildren(...(figures.front?.length ? [front(figures, known ? seconds ?? figures.here_seconds : null)] : []));
     setText(about, figures.study ? `Errors of: ${figures.quantity}. Study ${figures.study}; ${figures.scaled ? "times of this machine" : "times of the study's machine"}.` : "");
   };
