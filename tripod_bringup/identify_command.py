@@ -81,8 +81,10 @@ def identify_command(
         if report is not None:
             with replaced_text(report) as page:
                 page.write(identify_report(title, command, measured, result))
-    except (DataError, RecordError, SceneError, OSError) as error:
+    except (DataError, RecordError, SceneError) as error:
         return _complain(error, BAD_ARGUMENTS)
+    except OSError as error:
+        return _complain(f"{error.filename} cannot be written: {error.strerror}", BAD_ARGUMENTS)
     except StepError as error:
         return _complain(error, FAILED)
     if as_json:
@@ -199,6 +201,6 @@ def _candidates(path: Path, scene: "Scene") -> "NDArray":
     return read_commands(path, scene)
 
 
-def _complain(error: Exception, code: int) -> int:
+def _complain(error: Exception | str, code: int) -> int:
     print("tripod identify: " + " ".join(str(error).split()), file=sys.stderr)
     return code

@@ -57,8 +57,11 @@ def score_command(
             if plot is not None:
                 with replaced(plot) as file:
                     file.write(picture)
-    except (DataError, RecordError, SceneError, OSError) as error:
+    except (DataError, RecordError, SceneError) as error:
         print("tripod score: " + " ".join(str(error).split()), file=sys.stderr)
+        return BAD_ARGUMENTS
+    except OSError as error:
+        print(f"tripod score: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
     except StepError as error:
         print("tripod score: " + " ".join(str(error).split()), file=sys.stderr)

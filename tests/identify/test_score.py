@@ -141,7 +141,13 @@ def test_the_command_tells_and_writes(
         )
         == 2
     )
+    away = none | {"report": tmp_path / "gone" / "s.html"}
+    assert score_command("tripod", path, align="none", as_json=False, quiet=True, **more, **away) == 2
     said = capsys.readouterr().err.splitlines()
+    assert (
+        said.pop()
+        == f"tripod score: {away['report']} cannot be written: there is no directory {tmp_path}/gone"
+    )
     assert said[0] == "tripod score: --align is 'bent'; allowed: none, translation, rigid"
     assert said[1].startswith(
         "tripod score: the data command servo_0, servo_1, servo_2; the scene has 0 servos"
