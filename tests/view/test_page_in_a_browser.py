@@ -214,6 +214,13 @@ def drive(opened: Opened, stage: Stage) -> None:
     opened.press("Drive by sliders and keys")
     stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
     opened.wait("!document.querySelector('.servo input').disabled")
+    if not page.evaluate("navigator.maxTouchPoints"):
+        page.locator("#drive").hover()
+        opened.wait(
+            "getComputedStyle(document.querySelector('#drive:hover')).backgroundColor === 'rgb(28, 126, 214)'"
+        )
+    up = "new KeyboardEvent('keyup', { key: ' ', cancelable: true, bubbles: true })"
+    assert not page.evaluate(f"document.querySelector('#drive').dispatchEvent({up})")
     sim.commands.clear()
 
     def asks(servo: int) -> float:

@@ -53,6 +53,7 @@ export function keys() {
     }
   }, true);
   window.addEventListener("keyup", (event) => {
+    if (event.key === " ") event.preventDefault(); // some browsers press the button that has the focus: after STOP
     if (down.delete(event.code)) tell();
   }, true);
 }
