@@ -1,6 +1,6 @@
 """What moves freely, and what it meets: the soft body, rigid bodies, obstacles, points that are held."""
 
-from collections.abc import Iterator
+from collections import Counter
 
 import numpy as np
 import viser
@@ -10,8 +10,7 @@ from tripod_host.arrays import FloatArray
 from tripod_view.body import Surface
 from tripod_view.frame import span
 from tripod_view.picture import Part, Picture
-
-Rgb = tuple[int, int, int]
+from tripod_view.shade import Rgb, shade
 
 SOLID: Rgb = (247, 205, 165)
 SPRINGS: Rgb = (96, 140, 200)
@@ -93,11 +92,13 @@ class Bodies:
         ends = [part.first + part.count for part in parts]
         fits = bool(parts) and max(ends) == count and all(p.first >= 0 and p.count > 0 for p in parts)
         whole = (Part("body", "solid", 0, count),)
-        colours = iter(RIGID * (1 + len(parts) // len(RIGID)))
-        self._drawn = [
-            Drawn(self._api, i, part, surface, _colour(part, colours), self._lines)
-            for i, part in enumerate(parts if fits else whole)
-        ]
+        kinds = Counter[str]()
+        self._drawn = []
+        for i, part in enumerate(parts if fits else whole):
+            self._drawn.append(
+                Drawn(self._api, i, part, surface, _colour(part, kinds[part.kind]), self._lines)
+            )
+            kinds[part.kind] += 1
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
@@ -141,7 +142,8 @@ class Bodies:
                 drawn.show_lines(visible)
 
 
-def _colour(part: Part, rigid: Iterator[Rgb]) -> Rgb:
+def _colour(part: Part, number: int) -> Rgb:
+    """Return the colour of a part; `number`: of its kind."""
     if part.kind == "rigid":
-        return next(rigid)
-    return SPRINGS if part.kind == "springs" else SOLID
+        return RIGID[number % len(RIGID)]
+    return shade(SPRINGS if part.kind == "springs" else SOLID, number)

@@ -491,6 +491,16 @@ def test_numbers_that_are_none_are_refused_by_name(stage: Stage, browser: FakeBr
         stage.sim.destroy_publisher(publisher)
 
 
+def test_each_of_several_bodies_has_a_colour_of_its_own(stage: Stage, browser: FakeBrowser) -> None:
+    def colours() -> set[tuple[int, ...]]:
+        meshes = [m for m in browser.of_kind("MeshMessage") if m["name"].startswith("/bodies/")]
+        return {tuple(m["props"]["color"]) for m in meshes[-2:]}
+
+    show(stage.sim, "two_cloths")
+    browser.wait(lambda: browser.value("scene")["name"] == "two_cloths")
+    browser.wait(lambda: len(colours()) == 2)
+
+
 def test_bodies_may_be_called_like_what_else_is_drawn(stage: Stage, browser: FakeBrowser) -> None:
     table, drawn = told("stack")[0], ("ground", "effector", "ball", "target", "world", "obstacles/0", "../a")
     show(stage.sim, "stack")

@@ -16,6 +16,7 @@ from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import Shape, ball, box, disc
+from tripod_view.shade import shade
 
 Arrays = Mapping[str, Any]
 
@@ -97,6 +98,8 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     soft = [("silicone", SILICONE)] if "mesh" in scene else []
     soft += [("springs", CLOTH)] if "springs" in scene else []
     soft += [(str(b["name"]), CLOTH if "springs" in b else SILICONE) for b in scene.get("body", [])]
+    kinds = [kind for _, kind in soft]
+    soft = [(name, shade(kind, kinds[:i].count(kind))) for i, (name, kind) in enumerate(soft)]
     rigid = max(1, len(soft))  # none is told as a soft body of 0 nodes
     triangles, found = np.asarray(arrays["triangles"]), []
     first = np.cumsum([0, *np.asarray(arrays["bodies"]).tolist()])
