@@ -61,7 +61,7 @@ def play(
 ) -> None:
     """Play a recording. In a terminal: space pauses, `.` steps, q ends.
 
-    What commands a robot (joint_trajectory, control_mode, target_pose) is published only where --topics names it.
+    What commands (joint_trajectory, control_mode, target_pose, sim/request) is published only where --topics names it.
     """
     from tripod_bringup.bag_play import play_command  # noqa: PLC0415
 

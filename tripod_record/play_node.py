@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.serde import SerdeError
 
-from tripod_graph.names import CONTROL_MODE, JOINT_TRAJECTORY, TARGET_POSE
+from tripod_graph.names import CONTROL_MODE, JOINT_TRAJECTORY, SIM_REQUEST, TARGET_POSE
 from tripod_graph.presence import publisher_elsewhere
 from tripod_graph.transport import Transport
 from tripod_record.bag import Bag, Heard, decoded, store_of
@@ -29,8 +29,8 @@ DEPTH = 100
 Convert = Callable[[bytes | memoryview], bytes]
 """Turns a message as it was recorded into one of the type that is installed."""
 
-COMMANDING = (JOINT_TRAJECTORY, CONTROL_MODE, TARGET_POSE)
-"""Topics that could move a robot: only played where they are named."""
+COMMANDING = (JOINT_TRAJECTORY, CONTROL_MODE, TARGET_POSE, SIM_REQUEST)
+"""Topics that could move a robot, or ask a simulator for something: only played where they are named."""
 
 
 class TopicPlayer(Node):

@@ -33,8 +33,8 @@ START = 1_700_000_000_000_000_000  # [ns]
 TEXT = definition_text("std_msgs/msg/String")
 
 
-def write_bag(directory: Path, *, count: int = 10, period: float = 0.1) -> Path:
-    """Write /said, /kept (latched: two messages at the beginning) and a command."""
+def write_bag(directory: Path, *, count: int = 10, period: float = 0.1, request: str = "") -> Path:
+    """Write /said, /kept (latched: two messages at the beginning), a command, and a request if there is one."""
     writer = BagWriter(directory)
     writer.add_topic(Topic("/said", "std_msgs/msg/String", TEXT, (Qos(),)))
     writer.add_topic(
@@ -42,6 +42,9 @@ def write_bag(directory: Path, *, count: int = 10, period: float = 0.1) -> Path:
     )
     command = "trajectory_msgs/msg/JointTrajectory"
     writer.add_topic(Topic("/joint_trajectory", command, definition_text(command), (Qos(),)))
+    if request:
+        writer.add_topic(Topic("/sim/request", "std_msgs/msg/String", TEXT, (Qos(),)))
+        writer.write("/sim/request", serialize_message(String(data=request)), START)
     for text in ("old", "kept"):
         writer.write("/kept", serialize_message(String(data=text)), START)
     for i in range(count):
@@ -141,6 +144,14 @@ def test_what_another_node_publishes_is_not_mixed_with(graph: Graph, tmp_path: P
     graph.ear.create_publisher(String, "/said", RELIABLE)
     with pytest.raises(RecordError, match=r"^/ear publishes /said already, and two would mix"):
         graph.play(write_bag(tmp_path / "bag"))
+
+
+def test_the_page_that_may_command_and_ask_is_no_other_publisher(graph: Graph, tmp_path: Path) -> None:
+    for topic, kind in (("/sim/request", String), ("/joint_trajectory", JointTrajectory)):
+        graph.ear.create_publisher(kind, topic, RELIABLE)
+    player = graph.play(write_bag(tmp_path / "bag", request="reset"))
+    graph.until(lambda: player.done)
+    assert "/sim/request" not in player._played
 
 
 def test_a_type_with_other_fields_is_told_and_left_out(graph: Graph, tmp_path: Path) -> None:
