@@ -150,7 +150,10 @@ def test_two_hosts_or_origins_are_refused(server: PageServer) -> None:
 def test_every_answer_forbids_frames_and_referrers(server: PageServer) -> None:
     for path in (f"/{token(server)}", "/", f"/{token(server)}/absent"):
         _, _, headers = get(server, path)
-        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        policy = headers["Content-Security-Policy"].split("; ")
+        assert "frame-ancestors 'none'" in policy
+        assert "default-src 'self' data: blob:" in policy  # nothing of other machines is loaded
+        assert "connect-src 'self' data: blob: ws://127.0.0.1:* ws://localhost:*" in policy
         assert (headers["X-Frame-Options"], headers["Referrer-Policy"]) == ("DENY", "no-referrer")
         assert headers["Cache-Control"] == "no-store"
 
