@@ -3,7 +3,9 @@
 The driver is a lifecycle node that configures and activates itself; `autostart:=false` leaves that to a manager.
 """
 
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
@@ -32,6 +34,8 @@ ARGUMENTS = (
     ("foxglove", "false", "Whether foxglove_bridge serves Foxglove"),
 )
 
+YES, NO = ("true", "1"), ("false", "0")  # whatever the case, as for the conditions of a launch
+
 
 def generate_launch_description() -> LaunchDescription:
     """Return the arguments and the nodes."""
@@ -42,11 +46,12 @@ def generate_launch_description() -> LaunchDescription:
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes that the arguments ask for."""
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
+    check(given)
     config = [FindPackageShare("tripod"), "config"]
     rviz = ["-d", PathJoinSubstitution([*config, "tripod.rviz"])]
     scene = {name: given[name] for name in ("scene", "set")}
     return [
-        node("sim", given, scene, clock=given["use_sim_time"] == "true"),
+        node("sim", given, scene, clock=given["use_sim_time"].lower() in YES),
         node("ik", given, scene),
         node("view", given, {}),
         LifecycleNode(
@@ -58,7 +63,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             parameters=parameters(
                 given,
                 {name: given[name] for name in ("port", "protocol", "calibration")},
-                autostart=given["autostart"] == "true",
+                autostart=given["autostart"].lower() in YES,
                 servos=int(given["servos"]),
             ),
         ),
@@ -77,6 +82,24 @@ def nodes(context: LaunchContext) -> list[Node]:
             condition=IfCondition(given["foxglove"]),
         ),
     ]
+
+
+def check(given: Mapping[str, str]) -> None:
+    """Raise ValueError for what cannot be, and for names and files that a launch would pass over."""
+    own = {file.name for file in Path(__file__).parent.glob("*.launch.py")}
+    if own & {
+        Path(word).name for word in sys.argv
+    }:  # else the names may be those of a launch file that includes this
+        for name in (word.partition(":=")[0] for word in sys.argv if ":=" in word):
+            if name not in given:
+                raise ValueError(f"argument '{name}' is unknown; arguments: {', '.join(given)}")
+    for name, default, _ in ARGUMENTS:
+        if default in YES + NO and given[name].lower() not in YES + NO:
+            raise ValueError(f"argument '{name}' is '{given[name]}'; allowed: true, false")
+    if not given["servos"].isdecimal():
+        raise ValueError(f"argument 'servos' is '{given['servos']}'; allowed: a whole number")
+    if given["params_file"] and not Path(given["params_file"]).is_file():
+        raise ValueError(f"argument 'params_file' is '{given['params_file']}', which is no file")
 
 
 def node(
@@ -100,4 +123,4 @@ def parameters(given: Mapping[str, str], values: Mapping[str, str], **more: bool
 
     file = [given["params_file"]] if given["params_file"] else []
     texts = {name: ParameterValue(value, value_type=str) for name, value in values.items() if value}
-    return [*file, {**texts, **more, "use_sim_time": given["use_sim_time"] == "true"}]
+    return [*file, {**texts, **more, "use_sim_time": given["use_sim_time"].lower() in YES}]

@@ -44,7 +44,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     modules: dict[str, dict[str, Any]] = {
         "launch": {"LaunchContext": dict, "LaunchDescription": list},
         "launch.actions": {n: noting(n) for n in ("DeclareLaunchArgument", "OpaqueFunction")},
-        "launch.conditions": {"IfCondition": lambda text: text == "true" or text == "True"},
+        "launch.conditions": {"IfCondition": lambda text: text.lower() in ("true", "1")},
         "launch.substitutions": {
             "LaunchConfiguration": Configuration,
             "PathJoinSubstitution": lambda parts: parts,
@@ -98,12 +98,47 @@ def test_its_nodes_are_programs_of_the_build_and_know_their_parameters(launched:
     assert not by_name["view"].condition
 
 
-def test_only_what_is_asked_for_runs(launched: dict[str, Any]) -> None:
-    given = {**defaults(launched), "sim": "false", "params_file": "p.yaml", "use_sim_time": "true"}
+def test_only_what_is_asked_for_runs(launched: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "p.yaml"
+    file.touch()
+    given = {**defaults(launched), "sim": "false", "params_file": str(file), "use_sim_time": "true"}
     found = launched["nodes"](given)
     runs = [n.executable for n in found if getattr(n, "condition", True)]
     assert runs == ["ik", "driver"]
-    assert found[1].parameters == ["p.yaml", {"use_sim_time": True}]
+    assert found[1].parameters == [str(file), {"use_sim_time": True}]
+
+
+@pytest.mark.parametrize(("said", "meant"), [("True", True), ("1", True), ("False", False), ("0", False)])
+def test_yes_and_no_are_said_as_in_any_launch(launched: dict[str, Any], said: str, meant: bool) -> None:
+    found = launched["nodes"]({**defaults(launched), "autostart": said, "use_sim_time": said, "ik": said})
+    ik, driver = found[1], found[3]
+    assert driver.parameters[-1]["autostart"] is meant and driver.parameters[-1]["use_sim_time"] is meant
+    assert ik.condition is meant and ik.parameters[-1]["use_sim_time"] is meant
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("autostart", "yes", "'autostart' is 'yes'; allowed: true, false"),
+        ("servos", "three", "'servos' is 'three'; allowed: a whole number"),
+        ("params_file", "/nowhere/p.yaml", "'params_file' is '/nowhere/p.yaml', which is no file"),
+    ],
+)
+def test_what_cannot_be_starts_nothing(launched: dict[str, Any], name: str, value: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        launched["nodes"]({**defaults(launched), name: value})
+
+
+@pytest.mark.parametrize("file", ["tripod.launch.py", "two_tripods.launch.py", "own.launch.py"])
+def test_a_misspelled_argument_starts_nothing(
+    launched: dict[str, Any], monkeypatch: pytest.MonkeyPatch, file: str
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "tripod", file, "port:=mock", "calib:=robot.yaml"])
+    if file == "own.launch.py":  # whose argument it may be, where this launch file is included
+        assert launched["nodes"](defaults(launched))
+    else:
+        with pytest.raises(ValueError, match="argument 'calib' is unknown; arguments: namespace, "):
+            launched["nodes"](defaults(launched))
 
 
 def test_the_layouts_show_topics_that_exist() -> None:
