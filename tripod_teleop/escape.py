@@ -4,7 +4,7 @@ from enum import Enum, auto
 
 ESCAPE = 0x1B
 ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left", "H": "home", "F": "end"}
-KEYPAD = {"j": "*", "k": "+", "l": ",", "m": "-", "n": ".", "o": "/", "M": "enter", " ": "space"}
+KEYPAD = {"j": "*", "k": "+", "l": ",", "m": "-", "n": ".", "o": "/", "M": "enter"}
 CONTROLS = {0x00: "ctrl+space", 0x08: "backspace", 0x0A: "enter", 0x0D: "enter", 0x7F: "backspace"}
 CONTROLS |= {code: f"ctrl+{chr(code + 0x40).lower()}" for code in range(0x01, 0x20) if code not in CONTROLS}
 LONGEST = 32
@@ -80,13 +80,13 @@ class KeyParser:
 
     def _in_sequence(self, byte: int) -> str:
         keypad = self._state is _State.KEYPAD
-        parameter = 0x30 <= byte <= 0x3F if keypad else 0x20 <= byte <= 0x3F
+        parameter = 0x30 <= byte <= 0x3F if keypad else 0x20 < byte <= 0x3F
         if parameter:
             self._held += chr(byte) if len(self._held) <= LONGEST else ""
             return ""
         held = self._held
         self._begin(_State.TEXT)
-        if not 0x20 <= byte <= 0x7E:  # no sequence has such a byte: it was torn off here
+        if not 0x20 < byte <= 0x7E:  # no key's sequence has such a byte: it was torn off here
             return _plain(byte)
         if len(held) > LONGEST:
             return ""

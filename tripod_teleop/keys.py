@@ -1,7 +1,7 @@
 """Which key means what.
 
-The keys are those of the public Tripod tutorial, which are pressed there with Ctrl; here Ctrl may be left out, except
-with q: small q alone leaves, Ctrl+Q and Q catch.
+The keys are those of the public Tripod tutorial, which are pressed there with Ctrl; here Ctrl may be left out. Catch
+and throw are Q and z alone: Ctrl+Q and Ctrl+Z leave or suspend other programs, so that nothing may jump by them.
 """
 
 from collections.abc import Mapping
@@ -86,8 +86,8 @@ BINDINGS: Final = (
     Binding(("i", "I", "ctrl+i"), Act.IK, "i", "inverse kinematics drives"),
     Binding(("a", "A", "ctrl+a"), Act.WORK, "a", "go to the working pose"),
     Binding(("p", "P", "ctrl+p"), Act.PARK, "p", "go to the park position"),
-    Binding(("Q", "ctrl+q"), Act.CATCH, "Q", "catch: strips down, at once"),
-    Binding(("z", "Z", "ctrl+z"), Act.THROW, "z", "throw: strips up, at once"),
+    Binding(("Q",), Act.CATCH, "Q", "catch: strips down, at once"),
+    Binding(("z", "Z"), Act.THROW, "z", "throw: strips up, at once"),
     Binding(("?", "h"), Act.HELP, "?", "show this"),
     Binding(("q", "ctrl+c", "ctrl+d"), Act.QUIT, "q", "stop and leave; Ctrl-C too"),
 )
@@ -96,4 +96,4 @@ KEYS: Final[Mapping[str, Intent]] = MappingProxyType({k: b.intent for b in BINDI
 """What each key asks for."""
 
 HELP: Final = "\n".join(f"  {b.label:<12} {b.help}" for b in BINDINGS if b.label)
-"""The keys, one line for each meaning; Ctrl may be held with any of them but q."""
+"""The keys, one line for each meaning; Ctrl may be held with any of them but Q, q and z."""

@@ -51,6 +51,9 @@ SENT = [
     (b"\x1b[32;5u", ["ctrl+space"]),
     (b"\x1ba", ["alt+a"]),
     (b"\x1b ", ["alt+space"]),
+    (b"\x1bO ", ["space"]),  # keypad
+    (b"\x1b[ ", ["space"]),  # Alt with [, then space: STOP
+    (b"\x1b[1;5 ", ["space"]),
     (b"\x1b\x1b[A", ["escape", "up"]),
     (b"\x1b\x1b\x1b[1;5A", ["escape", "escape", "ctrl+up"]),
 ]

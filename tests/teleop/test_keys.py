@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from tripod_teleop.escape import KeyParser
 from tripod_teleop.keys import BINDINGS, CHOSEN, HELP, KEYS, Act, Move
 
 TUTORIAL = [
@@ -16,7 +17,6 @@ TUTORIAL = [
     ("a", Act.WORK),
     ("i", Act.IK),
     ("b", Act.TELEOP),
-    ("z", Act.THROW),
 ]
 
 
@@ -37,15 +37,23 @@ def test_the_keys_of_the_tutorial_with_and_without_ctrl(key: str, intent: object
         ("?", Act.HELP),
         ("q", Act.QUIT),
         ("ctrl+c", Act.QUIT),
+        ("z", Act.THROW),
+        ("Z", Act.THROW),
     ],
 )
 def test_the_other_keys(key: str, intent: object) -> None:
     assert KEYS[key] is intent
 
 
-def test_only_small_q_leaves_the_others_catch() -> None:
+def test_small_q_leaves_and_the_other_catches() -> None:
     assert KEYS["q"] is Act.QUIT
-    assert KEYS["Q"] is KEYS["ctrl+q"] is Act.CATCH
+    assert KEYS["Q"] is Act.CATCH
+
+
+@pytest.mark.parametrize("code", sorted({*range(0x20), 0x7F} - {0x1B}))
+def test_no_key_that_means_something_to_a_terminal_makes_servos_jump(code: int) -> None:
+    for key in KeyParser().feed(bytes([code])):
+        assert KEYS.get(key) not in (Act.CATCH, Act.THROW)
 
 
 def test_no_key_means_two_things() -> None:

@@ -208,7 +208,7 @@ def test_keys_drive_and_q_leaves(session: Session) -> None:
     session.joints = WORKING_POSE
     session.shown("-85.7  -85.7  -85.7 deg, slide 35.0 mm")
 
-    for keys, angle in ((b"\x11", -np.pi / 3), (b"\x1a", -np.pi / 4)):  # Ctrl+Q, Ctrl+Z
+    for keys, angle in ((b"Q", -np.pi / 3), (b"z", -np.pi / 4)):
         session.type(keys)
         expected = [angle] * 3 + [WORKING_POSE[3]]
         session.until(lambda e=expected: np.abs(session.last() - e).max() < 1e-9, f"the pose of {keys!r}")
