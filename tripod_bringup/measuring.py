@@ -218,7 +218,7 @@ class MeasureSession:
         keep: Callable[[int, tuple[float, ...]], None],
         console: Console,
     ) -> None:
-        """`poses` [rad], shape (k, s); `keep` is given the number of each pose and what was measured in it."""
+        """`poses` [rad], shape (k, s); `keep` gets each one's number and what was measured; it may raise OSError."""
         lower, upper = reach(sessions, known)
         self._flat = np.clip(0.0, lower, upper)
         limits = CommandLimits(
@@ -300,17 +300,18 @@ class MeasureSession:
                 self._asks = True
                 self._sensor.begin(now)
             found = self._sensor.poll(now, self._link.session)
-        except DataError as error:
-            self.console.print(f"tripod calibrate: {error}")
+            if found is None:
+                return
+            self._keep(player.number, found)
+        except (DataError, OSError) as error:
+            why = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else error
+            self.console.print(f"tripod calibrate: {why}")
             self._outcome = FAILED
             self.park()
-            return
-        if found is None:
             return
         self._asks, self._heard = False, now
         if not all(map(math.isfinite, found)):
             self.console.print(f"pose {player.number + 1}: left out")
-        self._keep(player.number, found)
         player.next()
 
     def _key(self, key: str, now: float) -> None:

@@ -229,6 +229,18 @@ def test_a_robot_that_nobody_looks_after_parks(
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
 
 
+def test_poses_that_cannot_be_kept_park_the_servos(tour: np.ndarray, tmp_path: Path) -> None:
+    place = tmp_path / "stick"
+    place.mkdir()
+    bench = Bench(tour, HeightSensor(), place)
+    bench.human.heights = ["1"]
+    place.rmdir()
+    assert bench.run() == 1
+    assert f"tripod calibrate: {bench.file.path}: there is no directory {place}" in bench.human.said
+    np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
+    assert bench.human.said[-1] == "the servos are parked"
+
+
 def test_nothing_moves_before_g(tour: np.ndarray, tmp_path: Path) -> None:
     bench = Bench(tour, HeightSensor(), tmp_path, {2.0: b"q"})
     assert bench.run() == 0
