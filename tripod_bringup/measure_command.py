@@ -154,7 +154,8 @@ def zeros_of(result: "Identified") -> list[float]:
     names = [f"servos.zero.{i}" for i in range(len(result.told.zero))]
     if not set(names) & set(found):
         raise FitError(
-            "these poses tell no servo's zero, so the calibration stays; measure more of them (--poses), or better"
+            "these poses tell no servo's zero, so the calibration stays; were they measured in other units, or signs? "
+            "Else measure more of them (--poses), or better"
         )
     zeros = [found.get(name, 0.0) for name in names]
     for i, zero in enumerate(zeros):

@@ -295,7 +295,9 @@ class _Sums:
         if not np.isfinite(found.cost):
             raise FitError("no values were found: the predictions are not finite")
         if found.status == 0:
-            raise FitError(f"no convergence after {self.problem.evaluations} predictions")
+            raise FitError(
+                f"no convergence after {self.problem.evaluations} predictions; are units and signs of the data right?"
+            )
         return np.asarray(found.x)
 
 
