@@ -11,7 +11,9 @@ from tripod_bringup.options import Recording, Subnet, To, examples
 commands = typer.Typer()
 bag = typer.Typer(help="Look into recordings, and play them.", no_args_is_help=True)
 
-Topics = Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas.")]
+Topics = Annotated[
+    list[str] | None, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas; repeatable.")
+]
 
 
 @bag.command(
@@ -56,7 +58,7 @@ def play(
     ] = To.TOPICS,
     rate: Annotated[float, typer.Option(help="Recorded time over time; of sim also inf.")] = 1.0,
     start: Annotated[float, typer.Option(help="Where to begin \\[s].")] = 0.0,
-    topics: Topics = "",
+    topics: Topics = None,
     subnet: Subnet = False,
 ) -> None:
     """Play a recording. In a terminal: space pauses, `.` steps, q ends.
@@ -66,7 +68,9 @@ def play(
     from tripod_bringup.bag_play import play_command  # noqa: PLC0415
 
     raise typer.Exit(
-        play_command(file, to=to, rate=rate, start=start, topics=topics, subnet=subnet, ros=context.obj)
+        play_command(
+            file, to=to, rate=rate, start=start, topics=" ".join(topics or ()), subnet=subnet, ros=context.obj
+        )
     )
 
 
@@ -81,7 +85,7 @@ def export(
     file: Recording,
     out: Annotated[Path, typer.Argument(help="A .csv, .npz or .parquet file.")],
     *,
-    topics: Topics = "",
+    topics: Topics = None,
 ) -> None:
     """Write the numbers of a recording: joints, poses and statuses, or --topics, over time in s, SI units.
 
@@ -90,7 +94,7 @@ def export(
     """
     from tripod_bringup.bag_export import export_command  # noqa: PLC0415
 
-    raise typer.Exit(export_command(file, out, topics))
+    raise typer.Exit(export_command(file, out, " ".join(topics or ())))
 
 
 @bag.command(epilog=examples("tripod bag plot recordings/NAME curves.png"))
@@ -106,12 +110,12 @@ def html(
     file: Recording,
     out: Annotated[Path, typer.Argument(help="The .html file to write.")],
     *,
-    topics: Topics = "",
+    topics: Topics = None,
 ) -> None:
     """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
     from tripod_bringup.bag_export import html_command  # noqa: PLC0415
 
-    raise typer.Exit(html_command(file, out, topics))
+    raise typer.Exit(html_command(file, out, " ".join(topics or ())))
 
 
 @commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))
@@ -121,10 +125,7 @@ def record(
         list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters; see the table below.")
     ] = None,
     *,
-    topics: Annotated[
-        list[str] | None,
-        typer.Option(help="Topics or patterns to record, as topics:=; repeatable."),
-    ] = None,
+    topics: Topics = None,
     all_: Annotated[
         bool, typer.Option("--all", "-a", help="Record all there is, of every namespace, derived topics too.")
     ] = False,

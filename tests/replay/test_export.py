@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 from rosbags.typesys import Stores, get_typestore
+from typer.testing import CliRunner
 
 from tests.replay.sessions import run_session, write_session
 from tripod_bringup.bag_export import export_command, html_command, plot_command
 from tripod_bringup.bag_plot import panels
+from tripod_bringup.cli import app
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.table import read_series, table
@@ -85,6 +87,14 @@ def test_csv_npz_and_parquet_hold_the_same_numbers(bag: Path, tmp_path: Path) ->
 def test_only_the_topics_that_are_asked_for_are_written(bag: Path, tmp_path: Path) -> None:
     assert export_command(bag, tmp_path / "left.csv", "/left/*") == 0
     assert len((tmp_path / "left.csv").read_text().splitlines()) == 3
+
+
+def test_topics_may_be_asked_for_one_by_one(bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "both.npz"
+    words = ["bag", "export", str(bag), str(out), "--topics", "/left/*", "--topics", "sim/joint_states"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    with np.load(out) as written:
+        assert {"left/sim/effector_pose/time", "sim/joint_states/time"} <= set(written)
 
 
 def test_curves_are_drawn_of_what_there_is(bag: Path, tmp_path: Path) -> None:
