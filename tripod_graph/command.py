@@ -301,7 +301,7 @@ class CommandFollower:
         last = now if self._now is None else self._now
         dt = min(max(0.0, now - last), self._longest_step)
         self._now = max(now, last)
-        if now < self._silent_at:
+        if not self.is_silent(now):
             self.activity = Activity.ACTIVE
             self.goal = self._interpolated(now)
             self._approach(dt, together=False)
@@ -316,6 +316,10 @@ class CommandFollower:
         self.goal = np.array(self.limits.park)
         self._approach(dt, together=True)
         return self.joints.copy()
+
+    def is_silent(self, now: float) -> bool:
+        """Return whether the time for the next command is over at `now` [s], whether or not `setpoint` was asked."""
+        return now >= self._silent_at
 
     @property
     def end(self) -> FloatArray:
@@ -338,7 +342,7 @@ class CommandFollower:
 
     def _slope(self, now: float, step: float = 1e-4) -> FloatArray:
         """Return the velocity that is asked for at `now` [s] within the slew rates."""
-        if now >= self._silent_at:
+        if self.is_silent(now):
             return np.zeros_like(self.joints)
         slope = (self._interpolated(now) - self._interpolated(now - step)) / step
         return np.clip(slope, -self.limits.speed, self.limits.speed)

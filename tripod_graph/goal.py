@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from tripod_graph.command import Activity, CommandError, CommandFollower
+from tripod_graph.command import CommandError, CommandFollower
 from tripod_graph.names import SLIDE
 from tripod_host.arrays import FloatArray
 
@@ -31,7 +31,7 @@ class Motion:
 
     Attributes:
         trajectory: Which one it follows, see `CommandFollower`; None: none.
-        activity: What it is doing.
+        silent: Whether the time for the next command is over, so that the joints hold.
         joints: Their names, the slide last.
         desired: Where the joints should be now [rad, m].
         end: Where the trajectory ends.
@@ -42,7 +42,7 @@ class Motion:
 
     joints: tuple[str, ...]
     trajectory: object
-    activity: Activity
+    silent: bool
     desired: FloatArray
     end: FloatArray
     actual: FloatArray
@@ -55,9 +55,8 @@ def motion_of(
 ) -> Motion:
     """Return what `follower` does at `now` [s]."""
     here, joints = np.array(actual, float), follower.limits.joints
-    return Motion(
-        joints, follower.trajectory, follower.activity, follower.goal.copy(), follower.end, here, now, why
-    )
+    silent = follower.is_silent(now)
+    return Motion(joints, follower.trajectory, silent, follower.goal.copy(), follower.end, here, now, why)
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def judge(
     far = _beyond("goal_tolerance", motion, motion.end, tolerance.goal)
     if not far:
         return Outcome.SUCCESSFUL, ""
-    if motion.now < end + tolerance.time and motion.activity is Activity.ACTIVE:
+    if motion.now < end + tolerance.time and not motion.silent:
         return None
     return Outcome.GOAL_TOLERANCE_VIOLATED, far
 

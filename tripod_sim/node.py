@@ -329,9 +329,11 @@ class SimNode(Node):
         return ""
 
     def _motion(self) -> Motion:
+        now = time.monotonic()
         with self._lock:
-            here, now = self._physics.latest.joints, self._moment(time.monotonic())
-            return motion_of(self._follower, here, now, self._physics.failure or self._authority.in_force)
+            self._look(now)  # while paused nothing else does
+            why = self._physics.failure or self._authority.in_force
+            return motion_of(self._follower, self._physics.latest.joints, self._moment(now), why)
 
     def _hold(self) -> None:
         with self._lock:

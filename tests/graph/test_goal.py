@@ -53,6 +53,14 @@ def test_without_a_tolerance_the_way_is_free_and_the_end_is_not() -> None:
     )
 
 
+def test_it_ends_too_where_nobody_asks_for_set_points_as_while_a_simulator_is_paused() -> None:
+    one = follower()
+    here, given = one.joints[:3].copy(), tolerances(JOINTS, {}, {}, 0.0)
+    assert judge(motion_of(one, here, END + 0.4, "nobody"), given, one.trajectory, END) is None
+    ended = judge(motion_of(one, here, END + 0.6, "nobody"), given, one.trajectory, END)
+    assert ended and ended[0] is Outcome.GOAL_TOLERANCE_VIOLATED
+
+
 def test_tolerances_that_are_given_count() -> None:
     one = follower()
     run(one, 0.5)

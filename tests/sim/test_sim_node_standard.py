@@ -151,6 +151,30 @@ def test_a_goal_moves_the_joints_and_a_reset_ends_one(make) -> None:
     assert graph.node._refused == 0
 
 
+def test_a_goal_ends_while_paused_too(make) -> None:
+    graph = make().start()
+    goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
+    graph.choose(ControlMode.TELEOP)
+    assert Standard(graph).set_state(PAUSED) == OK
+    status, code, why = goals.end(goals.send(goal(THERE, seconds=0.2, source=SOURCE)))
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, -5)
+    assert why.startswith("servo_0 is at 0.0000 rad instead of -0.2")
+
+
+def test_a_goal_that_a_clock_at_rest_holds_up_ends_with_its_operator(make) -> None:
+    graph = make(publish_clock=True).start()
+    goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
+    graph.choose(ControlMode.TELEOP)
+    assert Standard(graph).set_state(PAUSED) == OK
+    handle = goals.send(goal(THERE, seconds=0.2, source=SOURCE))
+    leaves = ControlMode(mode=ControlMode.TELEOP, source=SOURCE, lease=0.1)
+    leaves.header.stamp = graph.ear.get_clock().now().to_msg()
+    graph.mode.publish(leaves)
+    status, code, why = goals.end(handle)
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, -1)
+    assert why.startswith("interrupted: ")
+
+
 def test_joint_states_are_told_where_others_look_only_if_asked(make) -> None:
     graph = make(joint_states=True).start()
     heard: list[Any] = []
