@@ -92,6 +92,10 @@ class DriverNode(LifecycleNode):
         self._park_time_max = values["park_time_max"]
         set_period(self._timer, TURN * self._driver.period)
 
+    def leave(self) -> None:
+        """Tell whose goal is followed that it ends."""
+        self._action.leave()
+
     def close(self) -> None:
         """Park within `park_time_max`, then close the port, also when parking failed."""
         try:

@@ -88,6 +88,11 @@ class FollowAction:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
 
+    def leave(self) -> None:
+        """End the goal that is followed, if there is one: the node ends, and its client would wait for ever."""
+        if self._goal is not None:
+            self._end(self._goal.handle, Outcome.INVALID_GOAL, "interrupted: the node ends")
+
     def _begin(self, handle: ServerGoalHandle) -> None:
         handle.execute()
         goal = handle.request

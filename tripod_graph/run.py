@@ -25,10 +25,15 @@ if TYPE_CHECKING:
 
 FAILED = 1
 REFUSED = 2
+LAST_TURNS = 2
+"""Turns of the executor that a node has after its `leave`: one for the result of a goal, one for its answer."""
 
 
 class Closable(Protocol):
-    """A node with something to leave in order: a port, a file, a terminal."""
+    """A node with something to leave in order: a port, a file, a terminal.
+
+    One that has `leave()` is asked to tell its clients first, while they can be answered.
+    """
 
     def close(self) -> None:
         """Park, flush and release; called once, also after a failure."""
@@ -179,7 +184,7 @@ def _run_one(
             executor.spin_once(timeout_sec=0.1)
             if companion is not None:
                 companion.tend()
-        executor.spin_once(timeout_sec=0.0)  # what has come by now
+        _take_leave(executor, node)
     except ExternalShutdownException:
         pass
     except Exception as error:  # noqa: BLE001 - whatever failed, the node is closed and the reason printed
@@ -205,6 +210,15 @@ def _keep_bad_times_off() -> None:
 def _hear_clock(source: Any, message: Any) -> None:
     if message.clock.sec >= 0:
         source.hear_sound_clock(message)
+
+
+def _take_leave(executor: "Executor", node: Closable) -> None:
+    """Do what has come by now, and let the node answer whom it would leave without."""
+    executor.spin_once(timeout_sec=0.0)
+    if leave := getattr(node, "leave", None):
+        leave()
+        for _ in range(LAST_TURNS):
+            executor.spin_once(timeout_sec=0.0)
 
 
 def _leave(executor: "Executor", companion: Companion | None) -> None:

@@ -204,6 +204,7 @@ class SimNode(Node):
         self._commands = self.create_publisher(Float64MultiArray, names.COMMANDS, KEPT)
         self._checkpoint = self.create_publisher(UInt8MultiArray, names.CHECKPOINT, LATCHED)
         self._recorders = 0
+        self._action: FollowAction | None = None
         if self._rerun is None:  # what was commanded once is not commanded again
             listen(self, self._on_decision)
             self.create_subscription(
@@ -226,6 +227,11 @@ class SimNode(Node):
     def speeds(self) -> list[float]:
         """Slew rates of its servos [rad/s]."""
         return [float(speed) for speed in self._limits.speed[:-1]]
+
+    def leave(self) -> None:
+        """Tell whose goal is followed that it ends."""
+        if self._action:
+            self._action.leave()
 
     def close(self) -> None:
         """End the physics."""

@@ -105,6 +105,22 @@ def test_what_stops_the_driver_ends_a_goal_and_says_what(goals, board, client, o
     assert why.startswith("interrupted: ") and "next attempt after" in why
 
 
+def test_a_driver_that_is_ended_ends_its_goal(board, client, operator, start_driver) -> None:
+    driver = start_driver(f"port:={board.path}", *LEGACY)
+    operator.ready()
+    goals = Goals(client.node, "robot/follow_joint_trajectory", client.wait)
+    decide(operator, client, Mode.TELEOP)
+    ended = goals.send(goal((-2.0, -2.0, -2.0), seconds=30.0, source=SOURCE)).get_result_async()
+    heard = len(goals.feedback)
+    client.wait(lambda: len(goals.feedback) > heard + 3, "feedback from after the result was asked for")
+    assert driver.stop() == 0
+    client.wait(ended.done, "the result")
+    assert (ended.result().status, ended.result().result.error_string) == (
+        ABORTED,
+        "interrupted: the node ends",
+    )
+
+
 def test_the_slew_rate_changes_while_it_runs(goals, board, client, operator) -> None:
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter

@@ -224,6 +224,14 @@ def test_stop_and_a_lost_operator_end_a_goal(bench: ActionBench) -> None:
     assert bench.robot.follower.activity is Activity.HOLDING
 
 
+def test_a_node_that_ends_tells_so(bench: ActionBench) -> None:
+    handle = bench.send(goal(seconds=9.0))
+    bench.robot.action.leave()
+    ended = bench.end(handle)
+    assert ended == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "interrupted: the node ends")
+    bench.robot.action.leave()  # without a goal it does nothing
+
+
 def test_joints_that_do_not_follow_end_it_where_that_matters(bench: ActionBench) -> None:
     bench.robot.held = -0.2
     near = goal(seconds=9.0, path_tolerance=[JointTolerance(name="servo_1", position=0.15)])
