@@ -19,6 +19,7 @@ from tripod_host.reading import open_file
 from tripod_record.append_file import MAGIC
 from tripod_record.errors import RecordError
 from tripod_record.fields import Fields
+from tripod_record.next_chunk import next_chunk
 
 LARGEST_FILE = 2**43
 """Longest file that is looked into [B]; it is read piece by piece."""
@@ -125,20 +126,14 @@ class Reader:
                 self.truncated = f"the file ends at byte {size} without an end mark"
                 return
             opcode, length = _RECORD.unpack(head)
-            left = size - at - _RECORD.size
-            if length > left and length <= RECORD_LIMIT:
-                ends = f"the file ends at byte {size} within a record of {length} bytes that begins at {at}"
-                has_grown = file.seek(0, io.SEEK_END) > size
-                self.truncated = NOT_CLOSED if has_grown else ends
-                return
-            if length > RECORD_LIMIT:
-                self._note(
-                    f"byte {at}: a record of {length} bytes, allowed are {RECORD_LIMIT}; the rest is not read"
-                )
-                return
-            if opcode == 0:  # what a file system leaves of blocks that were never written
-                self.truncated = f"the file ends in zeros from byte {at} on"
-                return
+            if length > min(size - at - _RECORD.size, RECORD_LIMIT) or opcode == 0:
+                begin = None if in_summary else next_chunk(file, at + 1, size)
+                if begin is None:
+                    self._end_early(file, at, size, opcode, length)
+                    return
+                self._note(f"byte {at}: no record; {begin - at} bytes are passed over")
+                at = file.seek(begin)
+                continue
             data = file.read(length)
             try:
                 if opcode == Opcode.FOOTER:
@@ -153,6 +148,18 @@ class Reader:
                 if opcode not in (Opcode.CHUNK, Opcode.MESSAGE) or isinstance(error, ExcessError):
                     return
             at += _RECORD.size + length
+
+    def _end_early(self, file: BinaryIO, at: int, size: int, opcode: int, length: int) -> None:
+        """Note that nothing from byte `at` on can be read, where a record of such kind and length would begin."""
+        if length > RECORD_LIMIT:
+            self._note(
+                f"byte {at}: a record of {length} bytes, allowed are {RECORD_LIMIT}; the rest is not read"
+            )
+        elif length > size - at - _RECORD.size:
+            ends = f"the file ends at byte {size} within a record of {length} bytes that begins at {at}"
+            self.truncated = NOT_CLOSED if file.seek(0, io.SEEK_END) > size else ends
+        else:  # what a file system leaves of blocks that were never written
+            self.truncated = f"the file ends in zeros from byte {at} on"
 
     def take(self, opcode: int, data: bytes | memoryview) -> Iterator[Message]:
         """Take in one record and yield the messages that it holds; raises RecordError if it is damaged."""

@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from tests.record.bags import START, cdr_string, new_bag, write_some
 from tripod_record.append_file import MAGIC, TAIL
 from tripod_record.errors import RecordError
 from tripod_record.info import BagInfo, info_command, info_json, info_text, qos_words, read_info
+from tripod_record.next_chunk import next_chunk
 from tripod_record.reading import Reader
 
 CHUNK_SIZE = 2000  # [B], several chunks in a small file
@@ -188,6 +190,42 @@ def test_a_damaged_chunk_is_named_and_the_others_are_read(
     assert "DAMAGED    /chatter: " in out
     assert "messages, the summary says 100" in out
     assert 0 < counts(read_info(path, check=True))["/chatter"] < 100
+
+
+@pytest.mark.parametrize(
+    "damage", [b"\x06" + b"\xff" * 8, b"\x06\0\0\0\x02" + bytes(4), b"\x07" * 40, bytes(400)]
+)
+def test_behind_a_damaged_head_of_a_record_the_next_chunks_are_read(
+    killed: Path, closed: Path, tmp_path: Path, damage: bytes
+) -> None:
+    for source, messages in ((closed, 100), (killed, 60)):
+        whole = source.read_bytes()
+        at = next_chunk(BytesIO(whole), len(whole) // 3, len(whole))
+        assert at
+        path = tmp_path / "bag.mcap"
+        path.write_bytes(whole[:at] + damage + whole[at + len(damage) :])
+        info = read_info(path, check=True)
+        assert messages - 40 < counts(info)["/chatter"] < messages
+        assert any(line.startswith(f"byte {at}: no record; ") for line in info.damage)
+        reader = Reader(path)
+        texts = [bytes(m.data) for m in reader.messages() if reader.channels[m.channel].topic == "/chatter"]
+        assert texts[-1] == cdr_string(f"message {messages - 1}")
+
+
+def test_a_chunk_is_found_wherever_the_pieces_that_are_read_part(
+    closed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = closed.read_bytes()
+    places, at = [], next_chunk(BytesIO(whole), 0, len(whole))
+    while at is not None:
+        places.append(at)
+        at = next_chunk(BytesIO(whole), at + 1, len(whole))
+    assert len(places) > 3
+    for searched in range(60, 200, 7):
+        monkeypatch.setattr("tripod_record.next_chunk.SEARCHED", searched)
+        assert next_chunk(BytesIO(whole), places[1] + 1, len(whole)) == places[2]
+        assert next_chunk(BytesIO(whole), places[-1] + 1, len(whole)) is None
+        assert next_chunk(BytesIO(whole), places[-1], places[-1] + 60) is None
 
 
 def test_a_damaged_summary_is_not_believed(closed: Path, tmp_path: Path) -> None:
