@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from fnmatch import fnmatchcase
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,6 +49,8 @@ LOOK_PERIOD = 0.25
 """Time between two looks for new topics [s]."""
 LOOKS = 8
 """Every which of them also asks those topics that have as many publishers as before who these are."""
+FOUND_BY = 20
+"""After how many looks, 5 s, what is asked for should have been found."""
 TAKE_PERIOD = 0.02
 """Time between two takes of what has come [s]: it is stamped as it came, and one wake-up for each would be most of the
 work."""
@@ -129,6 +132,7 @@ class RecordNode(Node):
         self._refused.clear()
         self._seen.clear()
         self._taken.clear()
+        self._looks = 0
         self._recorder = Recorder(
             writer,
             period=self._values["sync_period"],
@@ -182,6 +186,8 @@ class RecordNode(Node):
             if seen != self._seen.get(name) or self._looks % LOOKS == 0:
                 self._look_at(self._recorder, name, types)
                 self._seen[name] = seen
+        if self._looks == FOUND_BY and (absent := self._absent):
+            self.get_logger().warning(f"so far nobody publishes {', '.join(absent)}")
 
     def _tell(self, now: Progress) -> bool:
         """Say on the screen what went wrong with the file and what was mended; return whether there was news."""
@@ -310,12 +316,18 @@ class RecordNode(Node):
         return response
 
     @property
+    def _absent(self) -> list[str]:
+        """Topics and patterns that are asked for and that nobody has published so far."""
+        return [word for word in self._wanted if not any(fnmatchcase(name, word) for name in self._types)]
+
+    @property
     def _lost(self) -> int:
         return sum(losses.lost for losses in self._losses.values())
 
     def _summary(self, progress: Progress) -> str:
         lost = progress.dropped + progress.destroyed + self._lost
-        return f"{progress.messages} messages, {lost} lost" + (progress.rescue and f"; {progress.rescue}")
+        notes = [progress.rescue, f"nobody published {', '.join(absent)}" if (absent := self._absent) else ""]
+        return "; ".join([f"{progress.messages} messages, {lost} lost", *filter(None, notes)])
 
     def _report(self) -> Report:
         progress = self._ended if self._recorder is None else self._recorder.progress
@@ -347,8 +359,8 @@ class RecordNode(Node):
             level, text = Level.WARN, progress.rescue
         elif progress.dropped or self._lost:
             level, text = Level.WARN, f"recording, {progress.dropped + self._lost} messages lost"
-        elif self._refused:
-            level, text = Level.WARN, f"recording without {', '.join(sorted(self._refused))}"
+        elif without := sorted({*self._refused, *self._absent}):
+            level, text = Level.WARN, f"recording without {', '.join(without)}"
         return level, text
 
 

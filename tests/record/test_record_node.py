@@ -288,6 +288,26 @@ def test_a_restricted_recorder_in_a_namespace(graph: Graph, tmp_path: Path) -> N
 # services --------------------------------------------------------------------------------------------------
 
 
+def test_what_is_asked_for_and_not_there_is_told_until_it_is(graph: Graph, tmp_path: Path) -> None:
+    chatter = graph.publisher(String, "/chatter")
+    process = graph.record(f"directory:={tmp_path}", "name:=bag", "topics:=chatter, sim/misspelled, ike/*")
+    graph.heard(chatter)
+
+    def without() -> str:
+        return graph.health_of("/record").message
+
+    graph.until(lambda: without() == "recording without /ike/*, /sim/misspelled", "the health")
+    graph.publisher(String, "/ike/status")
+    graph.until(lambda: without() == "recording without /sim/misspelled", "what is there by now")
+    assert process.stderr
+    graph.until(lambda: select.select([process.stderr], [], [], 0)[0], "a warning")
+    assert "so far nobody publishes " in process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 0
+    assert out.endswith("0 messages, 0 lost; nobody published /sim/misspelled\n")
+
+
 def test_a_recording_is_split_by_service_and_carries_scene_and_versions(graph: Graph, tmp_path: Path) -> None:
     process = graph.record(f"directory:={tmp_path}", "name:=run", "topics:=count sim/scene")
     path = Path(line_of(process, "recording"))
