@@ -6,10 +6,13 @@ from typing import Any, Protocol
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from tripod_teleop.escape import KeyParser
 from tripod_teleop.terminal import Terminal, TerminalError
 
 PERIOD = 0.05
 """Time between two looks at the keys [s]."""
+BAR = 16
+"""Characters of the bar: the line fits into 80 columns."""
 
 
 class Player(Protocol):
@@ -42,7 +45,7 @@ class Controls:
 
     def __init__(self, node: Node, player: Player) -> None:
         """The node keeps the object."""
-        self._player = player
+        self._player, self._parser = player, KeyParser()
         self._terminal: Terminal | None = None
         self._told = ""
         if sys.stdin.isatty() and sys.stdout.isatty():
@@ -72,13 +75,12 @@ class Controls:
             print(f"tripod bag play: {waiting}", file=sys.stderr, flush=True)
         self._told = waiting
 
-    def press(self, keys: bytes) -> None:
-        """Do what `keys` say."""
-        rest = keys.replace(b"\x1b[C", b".")
-        for key in rest.decode(errors="replace"):
-            if key == " ":
+    def press(self, data: bytes) -> None:
+        """Do what the keys of which the terminal sent `data` say."""
+        for key in self._parser.feed(data):
+            if key == "space":
                 self._player.toggle()
-            elif key == ".":
+            elif key in (".", "right"):
                 self._player.step()
             elif key == "q":
                 self._player.done = self._player.done or "ended by q"
@@ -89,8 +91,8 @@ def progress_line(player: Any) -> str:
     if player.waiting:
         return f"{player.waiting}  q: end"
     share = player.place / player.duration if player.duration else 1.0
-    bar = "#" * round(20 * min(max(share, 0.0), 1.0))
+    bar = "#" * round(BAR * min(max(share, 0.0), 1.0))
     state = "paused " if player.paused else "playing"
     return (
-        f"{state} [{bar:<20}] {player.place:7.2f} / {player.duration:.2f} s   space: pause  .: step  q: end"
+        f"{state} [{bar:<{BAR}}] {player.place:7.2f} / {player.duration:.2f} s  space: pause  .: step  q: end"
     )

@@ -226,15 +226,15 @@ class CalibrateSession:
         """Return the line to be shown: the only place with degrees."""
         found, i = self.calibrator, self.calibrator.chosen
         draft, shaft = found.drafts[i], found.shafts[i]
-        said = found.notice or self._safety.message
-        begin = f"{self._safety.state.name.lower()}  {SERVOS[i]}: "
+        said = [text] if (text := found.notice or self._safety.message) else []
+        begin = " | ".join([self._safety.state.name.lower(), *said, f"{SERVOS[i]}: "])
         if found.finds_range:
             low, high = draft.pulse_range
-            return f"{begin}{found.pulses[i]:.0f} us; 0 deg at {low:.0f} us, 180 deg at {high:.0f} us  {said}"
+            return f"{begin}{found.pulses[i]:.0f} us; 0 deg at {low:.0f} us, 180 deg at {high:.0f} us"
         low, high = sorted(math.degrees(draft.joint(end)) for end in draft.ends)
         return (
             f"{begin}shaft {math.degrees(shaft):.1f} deg, joint {math.degrees(draft.joint(shaft)):.1f} deg, "
-            f"{found.pulses[i]:.0f} us, safe {low:.1f} to {high:.1f} deg  {said}"
+            f"{found.pulses[i]:.0f} us, safe {low:.1f} to {high:.1f} deg"
         )
 
 

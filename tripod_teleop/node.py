@@ -160,7 +160,6 @@ class TeleopNode(Node):
                 driving=operator.is_driving,
                 motion=operator.drive.motion,
                 notice=operator.notice or self._watch.trouble or self._why_idle(),
-                width=self._terminal.width,
                 servos=operator.drive.limits.count,
             )
         )

@@ -22,10 +22,9 @@ def status_line(
     driving: bool,
     motion: str,
     notice: str,
-    width: int,
     servos: int = 3,
 ) -> str:
-    """Return the status in one line of at most `width` characters.
+    """Return the status in one line.
 
     Args:
         mode: The mode in force.
@@ -34,15 +33,12 @@ def status_line(
         driving: Whether this terminal commands.
         motion: Name of the motion under way, empty if none.
         notice: One more line for the user, empty if none.
-        width: Of the terminal, in characters.
         servos: How many there are.
     """
     who = "these keys" if driving else source
     head = WORDS[mode] + (f" by {who}" if who and mode is not Mode.STOP else "")
     middle = notice or (f"to the {motion}" if motion else "")
-    line = " | ".join(part for part in (head, middle, angles_text(joints, servos)) if part)
-    shown = "".join(c if c.isprintable() else "?" for c in line)
-    return shown if len(shown) <= width else shown[: max(0, width - 1)] + "…"
+    return " | ".join(part for part in (head, middle, angles_text(joints, servos)) if part)
 
 
 def angles_text(joints: Joints | None, servos: int = 3) -> str:

@@ -15,6 +15,8 @@ from tripod_host.stop import before, no_more
 PASTE_MARKS_ON, PASTE_MARKS_OFF = "\x1b[?2004h", "\x1b[?2004l"
 CLEAR_LINE = "\r\x1b[K"
 LFLAG, IFLAG, CC = 3, 0, 6
+UNKNOWN_COLUMNS = 80
+"""Of a terminal that does not tell, as a serial console."""
 
 
 class TerminalError(OSError):
@@ -85,7 +87,10 @@ class Terminal:
             return True
 
     def show(self, line: str) -> None:
-        """Draw `line` in place of the last one shown."""
+        """Draw `line` in place of the last one shown, cut where it would wrap; nothing in it commands the terminal."""
+        line = "".join(c if c.isprintable() else "?" for c in line)
+        if len(line) > self.width:
+            line = line[: self.width - 1] + "…"
         if line != self._shown:
             self._write(CLEAR_LINE + line)
             self._shown = line
@@ -98,9 +103,10 @@ class Terminal:
     def width(self) -> int:
         """Characters that fit on a line without wrapping."""
         try:
-            return max(20, os.get_terminal_size(self._fd).columns - 1)
+            columns = os.get_terminal_size(self._fd).columns
         except OSError:
-            return 79
+            columns = 0
+        return max(1, (columns or UNKNOWN_COLUMNS) - 1)
 
     def _apply(self) -> None:
         with suppress(termios.error):  # a terminal that is gone is told by `read`

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).parents[2]
 DEADLINE = 60.0
-LINE = re.compile(r"(playing|paused ) \[[# ]{20}\] +([\d.]+) / 59.90 s   space: pause  .: step  q: end")
+LINE = re.compile(r"(playing|paused ) \[[# ]{16}\] +([\d.]+) / 59.90 s  space: pause  .: step  q: end")
 
 
 class Shown:
@@ -88,7 +88,8 @@ def test_space_pauses_and_goes_on_keys_step_and_q_ends(shown: Shown) -> None:
     for _ in range(5):
         shown.read()
     assert shown.said == "", "it stands, and nothing is drawn anew"
-    for key in (b".", b"\x1b[C"):
+    shown.press(b"\x1b[200~q q\x1b[201~")  # pasted
+    for key in (b".", b"\x1b[C", b"\x1bOC"):
         shown.press(key)
         place = shown.line("paused", least=place + 1e-6, most=place + 0.15)
     shown.press(b" ")

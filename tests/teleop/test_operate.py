@@ -298,9 +298,9 @@ def test_joint_states_that_are_refused(names, positions, message: str) -> None:
 # the screen ------------------------------------------------------------------------------------------------
 
 
-def line(width: int = 200, **changes) -> str:
+def line(**changes) -> str:
     values = {"joints": JOINTS, "driving": True, "motion": "", "notice": "", **changes}
-    return status_line(Mode.TELEOP, "view", width=width, **values)
+    return status_line(Mode.TELEOP, "view", **values)
 
 
 def test_the_status_line() -> None:
@@ -309,16 +309,9 @@ def test_the_status_line() -> None:
     assert " | to the working pose | " in line(motion="working pose")
     assert " | x does nothing | " in line(motion="working pose", notice="x does nothing")
     assert line(joints=None).endswith("| angles unknown")
-    assert status_line(Mode.STOP, "view", None, driving=False, motion="", notice="", width=99) == (
+    assert status_line(Mode.STOP, "view", None, driving=False, motion="", notice="") == (
         "STOP, all hold | angles unknown"
     )
-
-
-def test_the_status_line_never_wraps_nor_commands_the_terminal() -> None:
-    for width in (1, 20, 40, 79):
-        assert len(line(width, notice="x" * 100)) == width
-    assert line(driving=False, notice="\x1b[2J\n") == line(driving=False, notice="?[2J?")
-    assert "\x1b" not in status_line(Mode.IK, "\x1b[2J", None, driving=False, motion="", notice="", width=99)
 
 
 def test_the_angles_keep_their_places() -> None:

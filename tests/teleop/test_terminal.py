@@ -114,6 +114,21 @@ def test_after_a_stop_the_keys_are_taken_again(pair: tuple[int, int]) -> None:
     assert process.wait(timeout=DEADLINE) == 0
 
 
+@pytest.mark.parametrize(
+    ("columns", "shown"),
+    [(2, "…"), (20, "?[2J" + 14 * "x" + "…"), (200, "?[2J" + 100 * "x"), (0, "?[2J" + 74 * "x" + "…")],
+)
+def test_a_line_never_wraps_nor_commands_the_terminal(
+    pair: tuple[int, int], monkeypatch: pytest.MonkeyPatch, columns: int, shown: str
+) -> None:
+    master, slave = pair
+    termios.tcsetwinsize(slave, (24, columns))
+    with os.fdopen(os.dup(slave), "w") as screen:
+        monkeypatch.setattr(sys, "stdout", screen)
+        Terminal(slave).show("\x1b[2J" + 100 * "x")
+        assert os.read(master, 4096).decode() == f"\r\x1b[K{shown}"
+
+
 def test_what_is_no_terminal_is_refused() -> None:
     with (
         Path("/dev/null").open("rb") as file,
