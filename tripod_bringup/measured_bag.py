@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_graph import names
 from tripod_host.arrays import FloatArray
@@ -17,6 +18,9 @@ from tripod_sim.scene_short import effector_of
 
 STILL = 1.0
 """A pose counts as at rest once its commands have stood for so long [s]."""
+
+RARE = 3.0
+"""Commands that are as rare by themselves have gaps where they are farther apart than so many times the usual."""
 
 STEADY = 1e-3
 """Commands that differ by less are the same [rad, m]."""
@@ -63,14 +67,25 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
         )
     joints = [commands.values[f"position.{name}"] for name in (*own, names.SLIDE) if name in known]
     values, channels = _channels(seen)
-    inside = (seen.times >= commands.times[0]) & (seen.times <= commands.times[-1])
+    during = (seen.times >= commands.times[0]) & (seen.times <= commands.times[-1])
+    inside = during & ~_in_gap(commands.times, seen.times)
     if not inside.any():
         raise DataError(f"{path}: nothing was measured while commands were given")
+    missed = np.count_nonzero(during & ~inside)
+    notes = (f"{missed} rows are left out: there is a gap in the commands",) if missed else ()
     times, values = seen.times[inside], values[inside]
     at = np.column_stack([np.interp(times, commands.times, column) for column in joints])
     slide = at[:, count] if names.SLIDE in known else None
     whole = Measured(times, at[:, :count], slide, channels, values)
-    return checked(_stands(whole, path) if poses else whole, scene, range(1, len(values) + 1))
+    found = checked(_stands(whole, path) if poses else whole, scene, range(1, len(values) + 1))
+    return replace(found, notes=(*notes, *found.notes))
+
+
+def _in_gap(commands: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
+    """Return which of `times` lie where nothing was commanded for long, as while a driver is started anew."""
+    gaps = np.diff(commands, append=commands[-1])
+    longest = max(STILL, RARE * float(np.median(gaps)))
+    return gaps[np.clip(np.searchsorted(commands, times, side="right") - 1, 0, len(gaps) - 1)] > longest
 
 
 def _one(series: dict[str, Series], topics: tuple[str, ...], path: Path, what: str) -> Series:

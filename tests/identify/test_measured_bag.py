@@ -22,11 +22,11 @@ NAMES = ("servo_0", "servo_1", "servo_2", "slide")
 
 
 def write_bag(
-    directory: Path, joints=NAMES, seen=("/robot/effector_pose",), robots=("",), lost=0, broken=()
+    directory: Path, joints=NAMES, seen=("/robot/effector_pose",), robots=("",), lost=0, broken=(), silent=()
 ) -> Path:
     """Stand for 2 s at angles 0, go in 1 s to -0.5, stand for 2 s; the disc is at -10 mm times the share.
 
-    The first `lost` of its 501 poses are NaN, so are the commands `broken`.
+    The first `lost` of its 501 poses are NaN, so are the commands `broken`; those of numbers `silent` are not there.
     """
     writer = BagWriter(directory)
     header = T["std_msgs/msg/Header"](
@@ -54,6 +54,8 @@ def write_bag(
             ),
         }  # fmt: skip
         for name, kind in kinds.items():
+            if kind == JOINTS and k in silent:
+                continue
             writer.write(name, bytes(STORE.serialize_cdr(messages[kind], kind)), stamp)
         if k == 250:
             writer.sync()  # a chunk of its own
@@ -89,6 +91,18 @@ def test_what_a_recording_lost_is_left_out_and_told(tmp_path: Path) -> None:
     assert "effector.x" not in [c.label for c in never.channels]
     with pytest.raises(DataError, match="servo_1 at nan rad; the scene allows"):
         read_recording(write_bag(tmp_path / "d", broken=(1,)), scene, poses=False)
+
+
+def test_what_was_measured_while_nothing_was_commanded_for_long_is_left_out_and_told(tmp_path: Path) -> None:
+    found = read_recording(write_bag(tmp_path / "b", silent=range(100, 220)), tripod(), poses=False)
+    assert found.times.tolist() == pytest.approx([k / 100 for k in range(501) if not 99 <= k < 220])
+    assert found.notes == ("121 rows are left out: there is a gap in the commands",)
+    whole = read_recording(write_bag(tmp_path / "c", silent=range(100, 190)), tripod(), poses=False)
+    assert (len(whole.times), whole.notes) == (501, ())
+    rare = read_recording(
+        write_bag(tmp_path / "d", silent=set(range(501)) - set(range(0, 501, 125))), tripod(), poses=False
+    )
+    assert (len(rare.times), rare.notes) == (501, ())
 
 
 def test_the_imu_tells_orientations_alone(tmp_path: Path) -> None:
