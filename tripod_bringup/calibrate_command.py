@@ -233,8 +233,8 @@ class CalibrateSession:
             return f"{begin}{found.pulses[i]:.0f} us; 0 deg at {low:.0f} us, 180 deg at {high:.0f} us"
         low, high = sorted(math.degrees(draft.joint(end)) for end in draft.ends)
         return (
-            f"{begin}shaft {math.degrees(shaft):.1f} deg, joint {math.degrees(draft.joint(shaft)):.1f} deg, "
-            f"{found.pulses[i]:.0f} us, safe {low:.1f} to {high:.1f} deg"
+            f"{begin}shaft {math.degrees(shaft):.1f}, joint {math.degrees(draft.joint(shaft)):.1f}, "
+            f"safe {low:.1f} to {high:.1f} deg, {found.pulses[i]:.0f} us"
         )
 
 
