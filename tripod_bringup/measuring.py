@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
@@ -37,6 +38,9 @@ KEYS: Final = """\
 UNANSWERED: Final = 5.0
 """Time after which a sensor that says nothing is given up [s]."""
 
+HIGHEST: Final = 1000.0
+"""Heights beyond it are mistyped [mm]."""
+
 STALE: Final = 4
 """Images that a camera may have kept from before."""
 
@@ -69,11 +73,11 @@ class HeightSensor:
     help = "Type the height of the disc's centre [mm], above the table or anything that stays; Enter; empty: left out."
 
     def __init__(self) -> None:
-        self._text, self._entered = "", False
+        self._text, self._entered, self._refused = "", False, ""
 
     def begin(self, now: float) -> None:
         """Ask for a new height."""
-        self._text, self._entered = "", False
+        self._text, self._entered, self._refused = "", False, ""
 
     def key(self, key: str) -> bool:
         """Take a character of a number."""
@@ -88,20 +92,21 @@ class HeightSensor:
         return True
 
     def poll(self, now: float, session: Session) -> tuple[float, ...] | None:
-        """Return the height once Enter was pressed behind a number."""
+        """Return the height once Enter was pressed behind a number that can be one."""
         if not self._entered:
             return None
         text, self._text, self._entered = self._text, "", False
         if not text:
             return (math.nan,)
-        try:
-            return (float(text),)
-        except ValueError:
-            return None
+        with suppress(ValueError):
+            if abs(height := float(text)) <= HIGHEST:
+                return (height,)
+        self._refused = f"{text} is no height, allowed is up to {HIGHEST:g}; "
+        return None
 
     def line(self) -> str:
         """What was typed so far."""
-        return f"height [mm], Enter: {self._text}"
+        return f"{self._refused}height [mm], Enter: {self._text}"
 
 
 class ImuSensor:

@@ -229,6 +229,17 @@ def test_a_robot_that_nobody_looks_after_parks(
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
 
 
+def test_a_height_that_is_mistyped_is_asked_for_again(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour[8:9], HeightSensor(), tmp_path)
+    bench.human.heights = ["1..2", "-123456", "12"]
+    assert bench.run() == 0
+    for text in ("1..2", "-123456"):
+        assert any(f"{text} is no height, allowed is up to 1000; " in line for line in bench.human.lines)
+    assert bench.file.path.read_text().splitlines()[2:] == [
+        ",".join([*(f"{angle:.6f}" for angle in tour[8]), "12.0000"])
+    ]
+
+
 def test_poses_that_cannot_be_kept_park_the_servos(tour: np.ndarray, tmp_path: Path) -> None:
     place = tmp_path / "stick"
     place.mkdir()
