@@ -16,6 +16,15 @@ WATCHDOG_SHARE: float = 0.3
 PACE: float = 1.01
 """Distance of two changes in periods: clocks of boards are right to half a percent, and no pulse may skip a packet."""
 
+TRIPS: float = 1.5
+"""A packet counts as lost when it is not acknowledged after so many times the last round trip, and a period."""
+
+LATEST: float = 0.28
+"""It counts as lost at the latest after this time [s], before silence ends the conversation."""
+
+ROUNDED: float = 1e-3
+"""An angle is known so well by the pulse that a board tells, in ticks of its timer of 0.5 us [rad]."""
+
 
 class Driver:
     """Carries what `Safety` allows to the board.
@@ -120,12 +129,13 @@ class Driver:
         return self._send(content, now)
 
     def _again(self, content: Content, now: float) -> bool:
-        """Take back what is not acknowledged after a period, and return whether that was now.
+        """Take back what is not acknowledged in time, and return whether that was now.
 
-        A board that has just lost its power has perhaps not even emitted what it acknowledged last, so it must not be
-        sent on from there; the first packet that it takes is that one once more.
+        Serial adapters hold answers back, some for 16 ms and more: what is taken back before its answer can come is
+        never firm, and nothing moves. A board that has just lost its power has perhaps not even emitted what it
+        acknowledged last, so it must not be sent on from there; the first packet that it takes is that one once more.
         """
-        if now < self._sent_at + self.period:
+        if now < self._sent_at + max(self.period, min(TRIPS * (self.link.session.round_trip or 0.0), LATEST)):
             return False
         if content != self._content:
             self.safety.moved(self.link.session.angles(content))
@@ -210,4 +220,4 @@ class Driver:
 
     def _near(self, angles: Sequence[float], others: Sequence[float]) -> bool:
         """Whether one packet could have made the difference of angles [rad], shape (s,)."""
-        return bool(np.abs(np.subtract(angles, others)).max() <= self.safety.longest_step)
+        return bool(np.abs(np.subtract(angles, others)).max() <= self.safety.longest_step + ROUNDED)

@@ -56,6 +56,9 @@ LOST_MAX, LOSS_WINDOW = 3, 100
 PULSE_PERIOD: Final = 0.02
 """From pulse to pulse [s]."""
 
+SLOW, TRIPS_MIN = 0.05, 10
+"""Answers that take longer [s], as the quickest of so many in a row did, are told: the next change waits for them."""
+
 HEARD_MAX: Final = 64
 """Bytes of what came before the first frame that are kept for the message."""
 
@@ -91,6 +94,7 @@ class FramedSession(Session):
         self._resets: deque[float] = deque(maxlen=RESETS_MAX)
         self._strangers: deque[float] = deque(maxlen=STRANGERS_MAX)
         self._lost: deque[bool] = deque(maxlen=LOSS_WINDOW)  # of each of the newest frames
+        self._trips: deque[float] = deque(maxlen=TRIPS_MIN)
         self._counts = {"frames lost on the line": 0, "board resets": 0, "watchdog of the board": 0}
 
     def begin(self, now: float, boot_time: float) -> None:
@@ -98,6 +102,7 @@ class FramedSession(Session):
         self._decoder = Decoder(len(self._calibration.servos))
         self._heard.clear()
         self._lost.clear()
+        self._trips.clear()
         self._echo = self._restarted = False
         self._open(now, now + boot_time + ANSWER_TIME)
         self.message = f"waiting up to {boot_time + ANSWER_TIME:g} s for the board's answer"
@@ -158,11 +163,16 @@ class FramedSession(Session):
 
     @property
     def odd(self) -> str:
-        """That frames are lost, and how many."""
-        lost = sum(self._lost)
-        if self.state is not SessionState.READY or lost < LOST_MAX:
+        """That frames are lost, and how many; that answers come late."""
+        if self.state is not SessionState.READY:
             return ""
-        return f"{lost} of the last {len(self._lost)} packets were lost on the line; check cable and plugs"
+        if (lost := sum(self._lost)) >= LOST_MAX:
+            return (
+                f"{lost} of the last {len(self._lost)} packets were lost on the line; check cable and plugs"
+            )
+        if len(self._trips) == TRIPS_MIN and (trip := min(self._trips)) > SLOW:
+            return f"the board answers only after {1e3 * trip:.0f} ms, and each change waits for that: motions are slow"
+        return ""
 
     @property
     def diagnostics(self) -> dict[str, object]:
@@ -287,6 +297,7 @@ class FramedSession(Session):
         if sequence == self._newest:
             self._newest = None
         self.round_trip = now - sent
+        self._trips.append(self.round_trip)
         return True
 
     # what it means --------------------------------------------------------------------------------------------

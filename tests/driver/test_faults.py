@@ -12,6 +12,7 @@ from tests.decisions import said
 from tests.driver.bench import LIMITS, START, TICK, Bench
 from tripod_driver.framed import encode
 from tripod_driver.framed_messages import BoardState, SetPulses
+from tripod_driver.framed_session import SLOW
 from tripod_driver.ports.mock import Fault
 from tripod_driver.ports.mock_board import STEP
 from tripod_driver.safety import State
@@ -40,11 +41,16 @@ def fall_silent(bench: Bench) -> None:
 
 
 def answer_late(bench: Bench) -> None:
+    hold_back(bench, 0.6)
+
+
+def hold_back(bench: Bench, delay: float) -> None:
+    """Let all that the board says arrive later by `delay` [s]."""
     queue: list[tuple[float, bytes]] = []
     read = bench.board.read
 
     def late() -> bytes:
-        queue.append((bench.clock.now + 0.6, read()))
+        queue.append((bench.clock.now + delay, read()))
         due = b"".join(data for at, data in queue if at <= bench.clock.now)
         queue[:] = [(at, data) for at, data in queue if at > bench.clock.now]
         return due
@@ -238,6 +244,20 @@ def test_a_line_that_loses_whole_frames_is_told_as_that_and_the_motion_goes_on(t
     assert re.fullmatch(
         r"\d+ of the last 100 packets were lost on the line; check cable and plugs", session.odd
     )
+
+
+@pytest.mark.parametrize("delay", [0.016, 0.03, 0.1, 0.15, 0.2, 0.25])
+def test_servos_move_however_late_the_board_answers(delay: float) -> None:
+    bench = Bench()
+    hold_back(bench, delay)
+    bench.run(2 * delay)
+    bench.asked().run(10 * delay)
+    for _ in range(40):
+        bench.goto(-0.8, -0.7, -0.6)
+        bench.run(0.1)
+    assert bench.sent[-1][1] == pytest.approx((-0.8, -0.7, -0.6), abs=1e-3)
+    assert bench.safety.state is State.ACTIVE
+    assert bench.driver.message.startswith("the board answers only after ") == (delay > SLOW)
 
 
 def test_a_loss_is_told_by_the_status() -> None:
