@@ -11,6 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
 
 from tripod_record.append_file import MAGIC
+from tripod_record.next_chunk import next_chunk
 
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # first and last stamp, size, checksum, length of the compression's name
@@ -55,15 +56,16 @@ class Structure:
         return sum(self.counts.values())
 
 
-def read_structure(fd: int, size: int, *, since: int = 0) -> Structure:
-    """Return what the first `size` bytes of an open file hold, up to the first that is no record of a data section.
+def read_structure(fd: int, size: int, *, since: int = 0, begin: int = len(MAGIC)) -> Structure:
+    """Return what the first `size` bytes of an open file hold, from `begin` to the first that is no record of a data
+    section.
 
     A chunk with a stamp before `since` [ns since 1970] is of somebody else and ends it too. Raises OSError.
     """
     found, window = Structure(), _Window(fd, size)
     if window.take(0, len(MAGIC)) != MAGIC:
         return found
-    found.end = len(MAGIC)
+    found.end = begin
     chunk: ChunkIndex | None = None
     while head := window.take(found.end, _RECORD.size):
         opcode, length = _RECORD.unpack(head)
@@ -104,9 +106,15 @@ def read_structure(fd: int, size: int, *, since: int = 0) -> Structure:
 
 def messages_kept(path: Path) -> int:
     """Return how many messages can be read from a file; 0 if it is not there."""
+    kept = 0
     with suppress(OSError), path.open("rb") as file:
-        return read_structure(file.fileno(), os.fstat(file.fileno()).st_size).messages
-    return 0
+        size = os.fstat(file.fileno()).st_size
+        begin: int | None = len(MAGIC)
+        while begin is not None:
+            found = read_structure(file.fileno(), size, begin=begin)
+            kept += found.messages
+            begin = next_chunk(file, max(begin, found.end) + 1, size)
+    return kept
 
 
 def _chunk_index(window: "_Window", begin: int, end: int) -> ChunkIndex | None:

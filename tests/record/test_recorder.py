@@ -370,7 +370,7 @@ def test_a_hole_that_is_found_only_at_the_end_is_told_with_the_number_that_can_b
     assert (failed.state, failed.is_whole) == (State.FAILED, False)
     kept = int(re.search(r"; (\d+) of 100 messages are kept$", failed.error)[1])  # type: ignore[index]
     assert failed.error.startswith(f"{path}: was changed by another program")
-    assert 30 < kept < 60
+    assert 90 < kept < 100
     found = read_info(path, check=True)
     assert kept <= found.messages <= kept + 1
 
