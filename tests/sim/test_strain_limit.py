@@ -237,6 +237,16 @@ def test_a_bound_that_cannot_be_met_ends_with_the_last_good_state(tmp_path: Path
         assert simulation.state.time < 0.02
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_where_every_spring_is_held_there_is_nothing_to_bound(scheme: str, tmp_path: Path) -> None:
+    held = "[[set]]\nname = 'all of it'\nbody = 'rope'\n[[fixed]]\nset = 'all of it'\n"
+    simulation = hung(tmp_path, held, "tie=off", f"inertia.scheme={scheme}")
+    block, rope = simulation.positions[:, 2].min(), simulation.positions[-6:].copy()
+    simulation.advance(3)
+    assert simulation.positions[:, 2].min() < block
+    np.testing.assert_array_equal(simulation.positions[-6:], rope)
+
+
 @pytest.mark.parametrize("scheme", ["tr_bdf2", "semi_implicit_euler"])
 def test_servos_move_beside_a_bound_and_the_static_body_has_none(scheme: str) -> None:
     words = [

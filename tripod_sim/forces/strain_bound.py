@@ -83,7 +83,7 @@ class StrainBound(SpringTangents, StageTerm):
         self._stiffen()
 
     def _stiffen(self) -> None:
-        if not self._s:
+        if not (self._s and len(self.longest)):  # before a stage, or where all springs are held
             return
         before, K = self.links.stiffness[0], self._raised * STIFF * self._heaviest / self._s**2
         self.links.rest[:] = self._bound - before / K * (self._bound - self.links.rest)
