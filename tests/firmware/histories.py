@@ -143,7 +143,7 @@ class World:
         self._hidden_since: float | None = None
         self._hidden: list[tuple[float, float]] = []
         self._foreign, self._powerless_at = 0, board.now
-        self._foreign_moves = False
+        self._foreign_moves = self._pulsing = False
         self._forgotten: list[float] = []
 
     # what the board hears ---------------------------------------------------------------------------------------
@@ -172,7 +172,7 @@ class World:
             self._collect()
         if power:
             self.board.power_cycle()
-            self._powerless_at = self.board.now
+            self._powerless_at, self._pulsing = self.board.now, False
             if self._foreign_moves:
                 self._forgotten.append(self.board.now)
             self._foreign_moves = False
@@ -236,7 +236,11 @@ class World:
         self._collect()
 
     def _collect(self) -> None:
-        self._pulses += self.board.pulses()
+        found = self.board.pulses()
+        if found and self._foreign_moves and not self._pulsing:  # the first ones since it has power
+            self._forgotten.append(self._powerless_at)
+        self._pulsing |= bool(found)
+        self._pulses += found
 
     # the operator -----------------------------------------------------------------------------------------------
 
@@ -336,10 +340,6 @@ class World:
         if not self.plugged:
             return
         self.hide()
-        if self.protocol == "framed" and not any(p.start > self._powerless_at for p in self._pulses[-3:]):
-            self._hidden.append(
-                (self.board.now, self.board.now + 2 * PERIOD)
-            )  # its first pulses are that program's
         for _ in range(self.rng.randrange(1, 6)):
             goal = [self.rng.randrange(60, 181) for _ in SERVOS]
             if self.protocol == "framed":
