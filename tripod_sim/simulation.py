@@ -254,8 +254,7 @@ class Simulation:
 
     def _prepare(self) -> None:
         """Make the first step from the start state as fast as the others."""
-        if self._ball and self.state.ball:
-            self._ball.load(self.state, self.state.ball)
+        self._load_ball()
         prepare = getattr(self._stepper, "prepare", None)
         if self.scene.inertia and prepare:
             prepare(self.state, self.scene.dt)
@@ -357,17 +356,15 @@ class Simulation:
         goal = self.command if joints is None else self._checked(joints)
         begin = time.thread_time() if self._mesh_error else 0.0
         self.renew()
-        ball = None if self._parts.chosen else self.state.ball
-        if self._ball and ball:
-            self._ball.load(self.state, ball)
         if self._servos and self.state.servos:
             self._step_servos(self._servos, self.state.servos, goal)
         else:
             until = self.state.time + self.scene.dt
             self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
             self.torques[:] = self._system.torques
-        if self._ball and ball:
-            self._ball.follow(self.state, ball, self.scene.dt)
+        if self._ball and self.state.ball and not self._parts.chosen:
+            self._ball.follow(self.state, self.state.ball, self.scene.dt)
+            self._load_ball()
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.follow(self.state, begin)
         return self.report
@@ -472,7 +469,7 @@ class Simulation:
         if not (self._ball and self.state.ball):
             raise SceneError(f"scene {self.scene.name!r} has no ball")
         self._ball.start(self.state).copy_to(self.state.ball)
-        self._ball.load(self.state, self.state.ball)
+        self._load_ball()
         if self._parts.chosen:
             self._parts.chosen.ball_starts(self.state)
 
@@ -508,6 +505,7 @@ class Simulation:
                 raise SceneError(f"the state is of another scene: {name} of shape {theirs}, here {own}")
         state.copy_to(self.state)
         self.torques[:] = torques
+        self._load_ball()
         self._forget_rest()
         self._stepper.forget()
         if self._mesh_error:
@@ -516,6 +514,11 @@ class Simulation:
     def __reduce__(self) -> "tuple[Callable[..., Simulation], tuple[Scene, tuple[State, FloatArray]]]":
         """Copy by what it is made of: parts hold views of each other's arrays, which copied one by one would part."""
         return _restored, (self.scene, self.save())
+
+    def _load_ball(self) -> None:
+        """Let the ball weigh on the plate as it does now: what the next step begins with, and `renew` before it."""
+        if self._ball and self.state.ball:
+            self._ball.load(self.state, self.state.ball)
 
     def _forget_rest(self) -> None:
         if self._rest:
