@@ -109,6 +109,15 @@ def test_a_step_of_far_too_many_parts_is_refused_at_once() -> None:
         Simulation(load_scene("tripod_sofa", ["inertia.scheme=semi_implicit_euler"])).step()
 
 
+@pytest.mark.parametrize("scheme", ["semi_implicit_euler", "rk4"])
+def test_rounding_of_a_body_that_nothing_moves_is_no_growth(scheme: str) -> None:
+    simulation = Simulation(
+        load_scene("silicone_free", ["mesh.level=1", "gravity=off", f"inertia.scheme={scheme}"])
+    )
+    for _ in range(5):
+        assert not simulation.step().grew_at
+
+
 def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
     words = ["mesh.level=1", "mesh.element=t4", "inertia={scheme='semi_implicit_euler', substeps='off'}", "damping=off",
              "dt=2e-4"]  # fmt: skip

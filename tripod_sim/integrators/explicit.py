@@ -48,6 +48,9 @@ RUN = 100
 MOST_PARTS = 100_000
 """Of one step."""
 
+ROUNDING = 2.2e-16
+"""Of numbers, as a share of them."""
+
 THIN = 1e-9
 """Smallest principal moment of inertia of a rigid body, as a share of its largest."""
 
@@ -175,7 +178,8 @@ class ExplicitSteps:
         total, live = self._energy(state, strain)
         self._largest = max(self._largest, live)
         growth = total - self._start_energy - self._given
-        if self._grew or growth > 0.5 * self._largest + 2 * self._fall * dt**2:
+        beyond = growth > 0.5 * self._largest + 2 * self._fall * dt**2
+        if self._grew or (beyond and growth > self._rounding(state)):
             self._grew = self._grew or state.step
         return StepReport(
             parts=parts, dt_limit=self._limit, growth=growth if self._grew else 0.0, grew_at=self._grew
@@ -300,6 +304,11 @@ class ExplicitSteps:
         kinetic = 0.5 * float((self._moving * state.velocities**2).sum())
         gravity = sum(term.energies(state.positions)[1] for term in self._forces)
         return kinetic + strain + gravity, kinetic + strain
+
+    def _rounding(self, state: State) -> float:
+        """Return how far off strain energy is by rounding [J]: of a body that nothing moves there is no other."""
+        stiffness, size = self._system.elastic.largest_stiffness(), float(np.abs(state.positions).max())
+        return ROUNDING * len(state.positions) * stiffness * size**2
 
     def _culprit(self, state: State) -> str:
         if not np.isfinite(state.positions).all():
