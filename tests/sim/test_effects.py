@@ -83,7 +83,7 @@ ROWS = {
     ),
     "prescribed": Row(("free solid", "robot"), "moved solid", (*SOLID, MOVED[0]), add=MOVED[1:]),
     "load": Row(("free solid", "robot"), "moved solid", SOLID,
-        "sum((getattr(t, 'force', np.zeros((1, 3)))[:, 0] > 0).sum() for t in simulation._system.terms)",
+        "sum((t.force[:, 0] > 0).sum() for t in simulation._system.terms if t.name == 'gravity')",  # dead loads too
     ),
     "initial_velocity": Row(("free solid", "robot"), "moved solid", SOLID, "simulation._parts.velocities is not None"),
     "servos": Row(
