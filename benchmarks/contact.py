@@ -53,16 +53,16 @@ def broad_phase(sizes: list[int]) -> None:
         centre = rng.uniform(0, np.sqrt(n), (n, 1, 3)) * [1, 1, 0.01]
         x = (centre + rng.uniform(-0.5, 0.5, (n, 3, 3))).reshape(-1, 3)
         boxes, query = Boxes(np.arange(3 * n).reshape(-1, 3)), Boxes(np.arange(3 * n).reshape(-1, 3))
-        boxes.sweep(x, x, 0.0)
-        query.sweep(x[::-1].copy(), x[::-1].copy(), 0.05)
+        boxes.sweep(x, x)
+        query.sweep(x[::-1].copy(), x[::-1].copy())
         tree = Tree(boxes)
 
         def run(tree: Tree = tree, query: Boxes = query) -> None:
             tree.update()
-            tree.pairs(query)
+            tree.pairs(query, 0.05)
 
         times.append(median(run, 5))
-        print(f"| {n} | {len(tree.pairs(query))} | {times[-1] * 1e3:.2f} |")
+        print(f"| {n} | {len(tree.pairs(query, 0.05))} | {times[-1] * 1e3:.2f} |")
     slope = np.polyfit(np.log(sizes), np.log(times), 1)[0]
     print(f"\nThe tree's time grows like n^{slope:.2f}.")
 

@@ -11,15 +11,16 @@ def found(pairs: np.ndarray) -> list[tuple[int, int]]:
     return sorted(map(tuple, pairs.tolist()))
 
 
-def overlapping(one: Boxes, other: Boxes) -> np.ndarray:
+def near(one: Boxes, other: Boxes, margin: float) -> np.ndarray:
     """Compares all with all: the reference."""
-    apart = (one.low[:, None] > other.high) | (one.high[:, None] < other.low)
+    apart = (one.low[:, None] - margin > other.high) | (one.high[:, None] + margin < other.low)
     return ~apart.any(axis=2)
 
 
-def boxes_of(points: np.ndarray, size: int, margin: float) -> Boxes:
-    boxes = Boxes(np.arange(len(points) // size * size).reshape(-1, size))
-    boxes.sweep(points, points + 0.1 * points[::-1], margin)
+def boxes_of(points: np.ndarray, size: int, radius: float = 0.0) -> Boxes:
+    shapes = np.arange(len(points) // size * size).reshape(-1, size)
+    boxes = Boxes(shapes, radius * np.arange(len(shapes)))
+    boxes.sweep(points, points + 0.1 * points[::-1])
     return boxes
 
 
@@ -29,9 +30,12 @@ def boxes_of(points: np.ndarray, size: int, margin: float) -> Boxes:
     st.integers(0, 60),
     st.integers(1, 60),
     st.sampled_from([0.0, 1e-3, 0.3]),
+    st.sampled_from([0.0, 1e-2]),
     st.sampled_from(["cube", "plane", "line", "point", "grid", "wide"]),
 )
-def test_tree_finds_the_pairs_of_the_reference(seed: int, n: int, m: int, margin: float, spread: str) -> None:
+def test_tree_finds_the_pairs_of_the_reference(
+    seed: int, n: int, m: int, margin: float, radius: float, spread: str
+) -> None:
     rng = np.random.default_rng(seed)
 
     def points(count: int) -> np.ndarray:
@@ -43,23 +47,24 @@ def test_tree_finds_the_pairs_of_the_reference(seed: int, n: int, m: int, margin
         x[:, {"plane": 1, "line": 2}.get(spread, 3) :] = 0.0
         return x * (0.0 if spread == "point" else 1.0)
 
-    query, boxes = boxes_of(points(n), 3, margin), boxes_of(points(m), 3, margin)
+    query, boxes = boxes_of(points(n), 3, radius), boxes_of(points(m), 3, radius)
     tree = Tree(boxes)
     tree.update()
-    assert found(tree.pairs(query)) == found(np.argwhere(overlapping(query, boxes)))
-    assert found(np.sort(tree.pairs(), axis=1)) == found(np.argwhere(np.triu(overlapping(boxes, boxes), 1)))
+    assert found(tree.pairs(query, margin)) == found(np.argwhere(near(query, boxes, margin)))
+    own = found(np.sort(tree.pairs(margin=margin), axis=1))
+    assert own == found(np.argwhere(np.triu(near(boxes, boxes, margin), 1)))
 
 
 def test_boxes_that_move_are_swept() -> None:
     start, end = np.zeros((2, 3)), np.array([[1.0, 0, 0], [0, 0, 0]])
-    boxes = Boxes(np.array([[0]]))
-    boxes.sweep(start, end, 0.25)
+    boxes = Boxes(np.array([[0]]), np.array([0.25]))
+    boxes.sweep(start, end)
     np.testing.assert_array_equal(boxes.low, [[-0.25, -0.25, -0.25]])
     np.testing.assert_array_equal(boxes.high, [[1.25, 0.25, 0.25]])
 
 
 def test_more_pairs_than_the_buffer_holds_are_all_reported() -> None:
-    boxes = boxes_of(np.zeros((300, 3)), 1, 0.0)
+    boxes = boxes_of(np.zeros((300, 3)), 1)
     tree = Tree(boxes)
     tree.update()
     assert len(tree.pairs()) == 300 * 299 // 2
@@ -71,6 +76,6 @@ def test_nothing_overlaps_nothing() -> None:
     tree = Tree(empty)
     tree.update()
     assert len(tree.pairs()) == 0
-    full = Tree(boxes_of(np.ones((3, 3)), 3, 0.0))
+    full = Tree(boxes_of(np.ones((3, 3)), 3))
     full.update()
     assert len(full.pairs(empty)) == 0

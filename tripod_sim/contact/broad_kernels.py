@@ -16,15 +16,15 @@ DEPTH = 64
 
 
 @njit(cache=True, error_model="numpy")
-def swept_boxes(start: Array, end: Array, shapes: Array, margin: float, low: Array, high: Array) -> None:
-    """Write the boxes of shapes (m, k of vertices) that move from `start` to `end`, grown by `margin` [m]."""
+def swept_boxes(start: Array, end: Array, shapes: Array, radius: Array, low: Array, high: Array) -> None:
+    """Write the boxes of shapes (m, k of vertices) that move from `start` to `end`, grown by `radius` (m,) [m]."""
     for s in range(shapes.shape[0]):
         for i in range(3):
             least, most = np.inf, -np.inf
             for k in range(shapes.shape[1]):
                 a, b = start[shapes[s, k], i], end[shapes[s, k], i]
                 least, most = min(least, a, b), max(most, a, b)
-            low[s, i], high[s, i] = least - margin, most + margin
+            low[s, i], high[s, i] = least - radius[s], most + radius[s]
 
 
 @njit(cache=True, error_model="numpy")
@@ -100,8 +100,12 @@ def refit(low: Array, high: Array, order: Array, nodes: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def overlaps(low: Array, high: Array, asked: Array, order: Array, nodes: Array, own: bool, out: Array) -> int:
-    """Write pairs (box, shape of the tree) that overlap, as many as fit in `out`; return how many there are.
+def overlaps(
+    low: Array, high: Array, margin: float, asked: Array, order: Array, nodes: Array, own: bool, out: Array
+) -> int:
+    """Write pairs (box, shape of the tree) nearer than `margin` [m] along each axis, as many as fit in `out`.
+
+    Return how many there are.
 
     With `own` the boxes are those of the tree's shapes, and each pair of two different ones comes once. Boxes take
     their turn in the order `asked`: neighbours one after the other find the nodes that they need in the cache.
@@ -111,8 +115,8 @@ def overlaps(low: Array, high: Array, asked: Array, order: Array, nodes: Array, 
     count = 0
     for turn in range(asked.shape[0]):
         q = asked[turn]
-        l0, l1, l2 = low[q, 0], low[q, 1], low[q, 2]
-        h0, h1, h2 = high[q, 0], high[q, 1], high[q, 2]
+        l0, l1, l2 = low[q, 0] - margin, low[q, 1] - margin, low[q, 2] - margin
+        h0, h1, h2 = high[q, 0] + margin, high[q, 1] + margin, high[q, 2] + margin
         stack[0] = 0
         top = 1
         while top > 0:

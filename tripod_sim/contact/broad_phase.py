@@ -1,4 +1,4 @@
-"""Broad phase: which boxes overlap, by comparing all with all (the reference) or by a tree of boxes."""
+"""Broad phase: which boxes are near, by comparing all with all (the reference) or by a tree of boxes."""
 
 import numpy as np
 
@@ -14,13 +14,15 @@ class Boxes:
         low, high: Corners of the boxes [m], shape (m, 3).
     """
 
-    def __init__(self, shapes: IndexArray) -> None:
+    def __init__(self, shapes: IndexArray, radius: FloatArray | None = None) -> None:
+        """`radius`: of each shape, a ball [m], shape (m,); zero without it."""
+        self._radius = np.zeros(len(shapes)) if radius is None else radius
         self.shapes = np.ascontiguousarray(shapes, dtype=np.int64)
         self.low, self.high = np.zeros((2, len(shapes), 3))
 
-    def sweep(self, start: FloatArray, end: FloatArray, margin: float) -> None:
-        """Enclose the shapes on their way from `start` to `end`, (n, 3), and `margin` [m] around them."""
-        kernels.swept_boxes(start, end, self.shapes, margin, self.low, self.high)
+    def sweep(self, start: FloatArray, end: FloatArray) -> None:
+        """Enclose the shapes on their way from `start` to `end` [m], shape (n, 3)."""
+        kernels.swept_boxes(start, end, self.shapes, self._radius, self.low, self.high)
 
 
 class Tree:
@@ -43,15 +45,18 @@ class Tree:
         self._order.sort(b)
         kernels.refit(b.low, b.high, self._order.places, self._nodes)
 
-    def pairs(self, boxes: Boxes | None = None) -> IndexArray:
-        """Return (box, box of this collection) that overlap, shape (p, 2), a view; among its own without `boxes`."""
+    def pairs(self, boxes: Boxes | None = None, margin: float = 0.0) -> IndexArray:
+        """Return (box, box of this collection) nearer than `margin` [m] along each axis, shape (p, 2), a view.
+
+        Without `boxes` among its own.
+        """
         own, query = boxes is None, boxes or self._boxes
         order = self._order.places
         if not len(order):
             return self._out[:0]
         asked = order if own else self._turns(query)
         while True:
-            count = kernels.overlaps(query.low, query.high, asked, order, self._nodes, own, self._out)
+            count = kernels.overlaps(query.low, query.high, margin, asked, order, self._nodes, own, self._out)
             if count <= len(self._out):
                 return self._out[:count]
             self._out = np.zeros((count + count // 2, 2), dtype=np.int64)

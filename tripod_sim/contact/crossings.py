@@ -49,7 +49,7 @@ class Crossings:
             if not len(edges) or not len(triangles):
                 continue
             for boxes in (query, target):
-                boxes.sweep(self._x, self._x, 0.0)
+                boxes.sweep(self._x, self._x)
             tree.update()
             kernels.mark_passing(tree.pairs(query), edges, triangles, self._x, 0.0, self._marked)
         self._x[-n:] = x

@@ -31,8 +31,9 @@ class _Query:
     first: int
     flipped: bool
 
-    def pairs(self) -> IndexArray:
-        return self.tree.pairs(None if self.boxes is self.target else self.boxes)
+    def pairs(self, margin: float) -> IndexArray:
+        """Return the pairs nearer than `margin` [m], besides radii, along each axis."""
+        return self.tree.pairs(None if self.boxes is self.target else self.boxes, margin)
 
 
 class Detector:
@@ -76,7 +77,6 @@ class Detector:
         self._moving = np.zeros(len(vertices), dtype=np.bool_)
         self._moving[s.moving_points] = True
         self._earliest, self._move = np.ones(len(vertices)), np.zeros((len(vertices), 3))
-        self._largest = float(s.radius.max(initial=0.0))
         self._when: list[FloatArray] = []
         points, faces, edges = s.moving_points, s.moving_triangles, s.moving_edges
         round_ones = s.radius > 0
@@ -84,7 +84,7 @@ class Detector:
         shapes = {
             "points": points[:, None], "faces": s.triangles[faces], "edges": s.edges[edges], "balls": balls[:, None],
         }  # fmt: skip
-        boxes = {name: Boxes(shape) for name, shape in shapes.items()}
+        boxes = {name: self._around(shape) for name, shape in shapes.items()}
         self._trees = list[Tree]()
         self._queries: list[_Query] = []
 
@@ -92,13 +92,13 @@ class Detector:
             name: str, mine: IndexArray, shape: IndexArray, theirs: IndexArray, first: int
         ) -> None:
             if len(mine) and len(theirs):
-                target = Boxes(shape)
-                target.sweep(vertices, vertices, self._largest if name == "balls" else 0.0)
+                target = self._around(shape)
+                target.sweep(vertices, vertices)
                 tree = Tree(target)
                 tree.update()
                 flipped, query = name == "faces", boxes[name]
                 if held is not None and (yields := ~held[shapes[name]].all(axis=1)).sum() < len(mine):
-                    mine, query = mine[yields], Boxes(shapes[name][yields])
+                    mine, query = mine[yields], self._around(shapes[name][yields])
                 one, other = (theirs, mine) if flipped else (mine, theirs)
                 self._queries.append(_Query(query, tree, target, one, other, first, flipped))
 
@@ -138,7 +138,7 @@ class Detector:
                 return numbers[name], boxes[name]
             if (name, of_large) not in chosen:
                 which = (body[shapes[name][:, 0]] == large) == of_large
-                chosen[name, of_large] = numbers[name][which], Boxes(shapes[name][which])
+                chosen[name, of_large] = numbers[name][which], self._around(shapes[name][which])
             return chosen[name, of_large]
 
         alike = [(False, False)] if not apart or len(rest) > 1 or itself[rest].any() else []
@@ -167,14 +167,17 @@ class Detector:
             (points, s.led_triangles, 1), (s.led_points, faces, 1), (edges, s.led_edges, 2),
         ):  # fmt: skip
             if len(one) and len(two):
-                target = Boxes(s.triangles[two] if first == 1 else s.edges[two])
+                target = self._around(s.triangles[two] if first == 1 else s.edges[two])
                 self._trees.append(tree := Tree(target))
-                asked = Boxes(one[:, None] if first == 1 else s.edges[one])
+                asked = self._around(one[:, None] if first == 1 else s.edges[one])
                 self._queries.append(_Query(asked, tree, target, one, two, first, False))
 
-    def _sweep(self, start: FloatArray, end: FloatArray, margin: float) -> None:
+    def _around(self, shapes: IndexArray) -> Boxes:
+        return Boxes(shapes, self._surfaces.radius[shapes].max(axis=1))
+
+    def _sweep(self, start: FloatArray, end: FloatArray) -> None:
         for boxes in self._boxes:
-            boxes.sweep(start, end, margin)
+            boxes.sweep(start, end)
         for tree in self._trees:
             tree.update()
         self.pairs = 0
@@ -200,10 +203,10 @@ class Detector:
         if before is not None:
             pressed = before.arrays.pressure[: before.count] > 0.0
             held = np.sort(before.arrays.key[: before.count][pressed])
-        self._sweep(x, x, self.alarm + self._largest)
+        self._sweep(x, x)
         at = 0
         for q in self._queries:
-            pairs = q.pairs()
+            pairs = q.pairs(self.alarm)
             self.pairs += len(pairs)
             while True:
                 if q.first == met_kernels.BALLS:
@@ -244,14 +247,14 @@ class Detector:
             The fraction of the way until which all pairs surely keep that distance; 1 if nothing meets.
         """
         least = share * self.distance
-        self._sweep(start, end, least + self._largest)
+        self._sweep(start, end)
         self._earliest[:] = 1.0
         np.subtract(end, start, out=self._move)
         while len(self._when) < len(self._queries):
             self._when.append(np.zeros(64))
         found = []
         for k, q in enumerate(self._queries):
-            pairs = q.pairs()
+            pairs = q.pairs(least)
             self.pairs += len(pairs)
             if len(pairs) > len(self._when[k]):
                 self._when[k] = np.zeros(len(pairs) + len(pairs) // 2)

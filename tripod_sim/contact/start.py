@@ -33,7 +33,7 @@ def passing(body: Part, obstacles: list[Part]) -> IndexArray:
             continue
         query, target = Boxes(one), Boxes(two)
         for boxes in (query, target):
-            boxes.sweep(x, x, 0.0)
+            boxes.sweep(x, x)
         tree = Tree(target)
         tree.update()
         kernels.mark_passing(tree.pairs(query), one, two, x, 0.0, marked)
@@ -66,7 +66,7 @@ def check_itself(body: Part, distance: float) -> None:
     surfaces, x = join([body])
     query, target = Boxes(surfaces.edges), Boxes(surfaces.triangles)
     for boxes in (query, target):
-        boxes.sweep(x, x, 0.0)
+        boxes.sweep(x, x)
     tree, marked = Tree(target), np.zeros(len(x), dtype=np.bool_)
     tree.update()
     kernels.mark_passing(tree.pairs(query), surfaces.edges, surfaces.triangles, x, THIN * distance, marked)
