@@ -12,7 +12,8 @@ import pytest
 from tests.sim.overload import ASKED, CHEAP, SET, Said, write_study
 from tripod_sim import SceneError, Simulation, StepError, keep_up, load_scene
 from tripod_sim.accuracy.choice import shipped
-from tripod_sim.accuracy.ladder import ladder
+from tripod_sim.accuracy.ladder import Rung, ladder
+from tripod_sim.accuracy.pace import Look
 from tripod_sim.handover import carry, settle
 from tripod_sim.keep_up import KeepUp, Meter, Settings
 from tripod_sim.realtime import Activity, RealTime, Snapshot
@@ -111,6 +112,16 @@ def test_it_comes_down_and_back_and_what_is_seen_goes_on(start: Callable[..., Ru
         assert before
         assert np.linalg.norm(here.position - rest.effector.position) < 1e-5
         assert np.linalg.norm(here.position - before.position) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(0.262, ", error below 26 % instead of 24 %"), (0.2449, ", error below 24 %"), (None, "")],
+)
+def test_errors_are_compared_as_they_are_shown(start: Callable[..., Run], error: float | None, words: str) -> None:
+    keeper = start("pendulum").keeper
+    keeper._rungs = (Rung((), 1.0, 0.244, "the settings asked for"), Rung((), 0.5, error, "less"))
+    assert keeper._words(1, 0, Look(0.0, 0.5, 1.0))[0] == f"machine too slow (0.50 of real time): now less{words}"
 
 
 def test_steps_that_take_too_long_are_noticed(
