@@ -118,10 +118,15 @@ def test_it_comes_down_and_back_and_what_is_seen_goes_on(start: Callable[..., Ru
     ("error", "words"),
     [(0.262, ", error below 26 % instead of 24 %"), (0.2449, ", error below 24 %"), (None, "")],
 )
-def test_errors_are_compared_as_they_are_shown(start: Callable[..., Run], error: float | None, words: str) -> None:
+def test_errors_are_compared_as_they_are_shown(
+    start: Callable[..., Run], error: float | None, words: str
+) -> None:
     keeper = start("pendulum").keeper
     keeper._rungs = (Rung((), 1.0, 0.244, "the settings asked for"), Rung((), 0.5, error, "less"))
-    assert keeper._words(1, 0, Look(0.0, 0.5, 1.0))[0] == f"machine too slow (0.50 of real time): now less{words}"
+    assert (
+        keeper._words(1, 0, Look(0.0, 0.5, 1.0))[0]
+        == f"machine too slow (0.50 of real time): now less{words}"
+    )
 
 
 def test_steps_that_take_too_long_are_noticed(

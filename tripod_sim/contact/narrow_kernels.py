@@ -69,7 +69,7 @@ def _put(
     return at + 1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def point_face(
     top: Topology, x: Array, y: Array, p: int, t: int, face_only: bool, closest: tuple[float, float, float, float],
     distance: float, choice: int, n: Array, out: Contacts, at: int,
@@ -126,7 +126,7 @@ def point_face(
     return _put(out, at, (p, a, b, c), (1.0, -wa, -wb, -wc), key, offset, gone, n)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def edge_edge(
     top: Topology, x: Array, y: Array, e: int, f: int, closest: tuple[float, float, float], distance: float,
     choice: int, held: Array, n: Array, out: Contacts, at: int,
@@ -158,7 +158,7 @@ def edge_edge(
     return _put(out, at, (a, b, c, d), (1.0 - s, s, t - 1.0, -t), _key(EDGE_EDGE, e, f), distance, gone, n)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def ball_ball(
     top: Topology, y: Array, p: int, q: int, distance: float, reach: float, n: Array, out: Contacts, at: int
 ) -> int:

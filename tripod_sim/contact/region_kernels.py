@@ -41,7 +41,7 @@ def may_touch(body: Array, itself: Array, a: int, b: int) -> bool:
     return body[a] != body[b] or itself[body[a]]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bool:
     """Return whether direction `w`, from edge e outward, points into none of the triangles at e, but for a cosine.
 
@@ -68,7 +68,7 @@ def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bo
     return True
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def in_vertex_region(top: Topology, x: Array, v: int, w: Array, room: float) -> bool:
     """Return whether direction `w`, from vertex v outward, points along none of the edges at v, but for a cosine."""
     size = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
@@ -111,7 +111,7 @@ def into_vertex(top: Topology, x: Array, v: int, w: Array) -> bool:
     return bool(top.first_edge[v] < top.first_edge[v + 1])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def is_closest(top: Topology, x: Array, p: int, n: Array) -> bool:
     """Return whether vertex p is about the point of its own body closest to what lies in direction -n."""
     for i in range(3):
@@ -122,7 +122,7 @@ def is_closest(top: Topology, x: Array, p: int, n: Array) -> bool:
     return own
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def parallel(y: Array) -> bool:
     """Return whether two edges, shape (4, 3), are nearly parallel."""
     u0, u1, u2 = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1], y[1, 2] - y[0, 2]
