@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -97,8 +98,12 @@ def study_command(
     if as_json:
         print(json.dumps(plain(printed)))
     elif plans and not quiet:
-        print(f"files: {out}/<study>.json, .csv, .png; points: .jsonl", file=sys.stderr)
+        made_of = ", ".join(str(out / made.name) for made in plans)
+        print(f"files: {made_of}: .json, .csv, .png; points: .jsonl", file=sys.stderr)
     lacking = [name for name, found in printed.get("accuracy", {}).items() if not found["front"]]
+    if scene.endswith(".toml") and not changes.first() and not (lacking or as_json or quiet):
+        words = ["tripod", "run", scene, "--accuracy", "5%", "--study", str(out / f"{plans[0].name}.json")]
+        print(f"next: {shlex.join(words)}", file=sys.stderr)
     for name in lacking:
         reference = printed["accuracy"][name]["reference"] or {"message": "nothing was measured"}
         print(f"tripod study: {name}: no errors: {reference['message']}", file=sys.stderr)

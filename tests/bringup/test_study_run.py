@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import json
+import shlex
 import signal
 import subprocess
 import sys
@@ -290,6 +291,25 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
     assert said == [
         f"tripod study: toy: points in {tmp_path / 'out'} of other code: 1; they are measured again"
     ]
+
+
+def test_after_the_study_of_an_own_scene_the_command_that_uses_it_is_told(tmp_path: Path) -> None:
+    text = (
+        (ROOT / "tripod_sim/scenes/pendulum.toml")
+        .read_text()
+        .replace("duration = 5.0", "duration = 0.1")
+        .replace('"pendulum"', '"swing"', 1)
+    )
+    scene = tmp_path / "my scene.toml"
+    scene.write_text(text)
+    words = ["study", str(scene), "--quick", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, words)
+    files, following = done.stderr.splitlines()[-2:]
+    assert files == f"files: {tmp_path / 'out' / 'swing'}: .json, .csv, .png; points: .jsonl"
+    assert following.startswith("next: tripod run ")
+    run = CliRunner().invoke(app, shlex.split(following)[2:])
+    assert run.exit_code == 0, run.stderr
+    assert "(study swing)" in run.stdout + run.stderr
 
 
 def test_the_picture_names_the_fastest_and_what_none_reaches(
