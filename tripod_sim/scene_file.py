@@ -29,6 +29,9 @@ AUTO = "auto"
 LONGEST_PATH = 100
 """Characters of the path of an override; no field is as deep."""
 
+WORDS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
+"""What a field may be."""
+
 
 def scene_names() -> list[str]:
     """Return the names of the shipped scenes."""
@@ -251,8 +254,16 @@ def _build(cls: Any, table: Any, path: str) -> Any:
         if f.name in table:
             values[f.name] = _convert(hints[f.name], table[f.name], where, f.metadata.get("unit", ""))
         elif f.default is MISSING and f.default_factory is MISSING:
-            raise SceneError(f"field {where} is missing")
+            raise SceneError(f"field {where} is missing{_wanted(hints[f.name], f.metadata.get('unit', ''))}")
     return cls(**values)
+
+
+def _wanted(kind: Any, unit: str) -> str:
+    """Return in words what a field that is missing must be; empty for a table."""
+    if kind in WORDS:
+        return f"; it must be {WORDS[kind]}"
+    arguments = get_args(kind)
+    return f"; it must be {len(arguments)} numbers{unit and f' in {unit}'}" if arguments[0] is float else ""
 
 
 def _elsewhere(key: str, names: Iterable[str]) -> list[str]:
@@ -284,6 +295,8 @@ def _convert(kind: Any, value: Any, path: str, unit: str = "") -> Any:
     if is_dataclass(kind):
         return _build(kind, value, path)
     if origin is tuple:
+        if isinstance(value, Mapping) and is_dataclass(arguments[0]):
+            raise SceneError(f"{path} is one table; it must be a list of them: in a file [[{path}]]")
         if not isinstance(value, list | tuple):
             raise SceneError(f"{path} is {shown(value)}; it must be a list")
         if arguments[-1] is Ellipsis:
@@ -305,9 +318,8 @@ def _convert(kind: Any, value: Any, path: str, unit: str = "") -> Any:
         return value
     if path == "dt":
         raise SceneError(f"dt is {shown(value)}; it must be a number of seconds, or auto")
-    words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
     units = f" in {unit}, or with its unit: {', '.join(units_of(unit))}" if kind is float and unit else ""
-    raise SceneError(f"{path} is {shown(value)}; it must be {words[kind]}{units}")
+    raise SceneError(f"{path} is {shown(value)}; it must be {WORDS[kind]}{units}")
 
 
 def words_of(values: Mapping[str, str | float | int | bool]) -> list[str]:

@@ -371,7 +371,16 @@ BASE = scene_to_toml(load_scene("tripod"))
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"", "field name is missing"),
+        (b"", "field name is missing; it must be text"),
+        (
+            'name = "a"\ndescription = "b"\n[[servo]]\nset = "end"',
+            "field servo.0.hub is missing; it must be 3 numbers in m",
+        ),
+        (
+            'name = "a"\n[servo]\nset = "end"',
+            "servo is one table; it must be a list of them: in a file [[servo]]",
+        ),
+        ('name = "a"\n[[platform]]\nposition = [0, 0, 0]', "field platform.0.hold is missing"),
         ("name = ", "is not valid TOML: Invalid value (at end of document)"),
         (BASE + "[material]\n", "is not valid TOML"),
         (b'name = "\xff"', "is not UTF-8 text"),
