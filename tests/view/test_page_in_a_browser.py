@@ -229,6 +229,9 @@ def drive(opened: Opened, stage: Stage) -> None:
 
     opened.move("[aria-label='servo 1 (degrees)']", -30.0)
     stage.wait(lambda: abs(asks(1) + 0.5236) < 1e-3)
+    # so that a key has room, however long it was down before
+    opened.move("[aria-label='servo 2 (degrees)']", -45.0)
+    stage.wait(lambda: abs(asks(2) + 0.7854) < 1e-3)
     opened.move("[aria-label='slide (mm)']", 10.0)
     stage.wait(lambda: abs(asks(3) - 0.01) < 1e-6)
     opened.move("[aria-label='servo 0, typed (degrees)']", -400.0, "change")
