@@ -41,10 +41,19 @@ def passing(body: Part, obstacles: list[Part]) -> IndexArray:
     if found.size:
         return found
     for part in obstacles:
-        turns = kernels.winding(body.vertices[0], part.vertices, part.triangles)
+        turns = winding(body.vertices[0], part.vertices, part.triangles)
         if abs(turns) > 0.5 and _closed(part):
             return np.zeros(1, dtype=np.int64)
     return found
+
+
+def winding(p: FloatArray, x: FloatArray, triangles: IndexArray) -> float:
+    """Return how often a closed surface winds about point p: 1 inside, 0 outside [VanOosteromStrackee1983]."""
+    a, b, c = (x[triangles[:, k]] - p for k in range(3))
+    la, lb, lc = (np.linalg.norm(way, axis=1) for way in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    cosines = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return float(np.arctan2(volume, cosines).sum() / (2.0 * np.pi))
 
 
 def _closed(part: Part) -> bool:

@@ -55,21 +55,3 @@ def mark_passing(pairs: Array, edges: Array, triangles: Array, x: Array, least: 
         ):
             for v in (p, q, a, b, c):
                 out[v] = True
-
-
-@njit(cache=True, error_model="numpy")
-def winding(p: Array, x: Array, triangles: Array) -> float:
-    """Return how often a closed surface winds about point p: 1 inside, 0 outside [VanOosteromStrackee1983]."""
-    total = 0.0
-    for t in range(triangles.shape[0]):
-        a, b, c = x[triangles[t, 0]] - p, x[triangles[t, 1]] - p, x[triangles[t, 2]] - p
-        la, lb, lc = np.sqrt((a * a).sum()), np.sqrt((b * b).sum()), np.sqrt((c * c).sum())
-        volume = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
-        total += 2.0 * np.arctan2(
-            volume, la * lb * lc + (a * b).sum() * lc + (b * c).sum() * la + (c * a).sum() * lb
-        )
-    return total / (4.0 * np.pi)
