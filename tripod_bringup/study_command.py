@@ -80,7 +80,7 @@ def study_command(
             execute = _executor(scheduler, jobs) if plans else None
             for made in plans:
                 assert execute
-                result = accuracy(made, execute, out, fresh=fresh, seed=seed, shown=shown)
+                result, files = accuracy(made, execute, out, fresh=fresh, seed=seed, shown=shown)
                 printed.setdefault("accuracy", {})[made.name] = result
                 if not as_json:
                     from tripod_bringup.study_files import table  # noqa: PLC0415
@@ -99,7 +99,9 @@ def study_command(
         print(json.dumps(plain(printed)))
     elif plans and not quiet:
         made_of = ", ".join(str(out / made.name) for made in plans)
-        print(f"files: {made_of}: .json, .csv, .png; points: .jsonl", file=sys.stderr)
+        print(
+            f"files: {made_of}: {', '.join(path.suffix for path in files)}; points: .jsonl", file=sys.stderr
+        )
     lacking = [name for name, found in printed.get("accuracy", {}).items() if not found["front"]]
     if scene.endswith(".toml") and not changes.first() and not (lacking or as_json or quiet):
         words = ["tripod", "run", scene, "--accuracy", "5%", "--study", str(out / f"{plans[0].name}.json")]
@@ -127,11 +129,11 @@ def _chosen(
         raise SceneError(
             f"{changed} changes a scene, and {what} has motions of its own: name the scene, or leave it out"
         )
+    if part == "report" and not every and scene not in REPORTS:
+        raise SceneError(f"there is no report of {scene!r}; reports: {', '.join(REPORTS)}")
     if scene and (changed or not names(scene)):
         made = plan_of_scene(scene, changes, quick=quick)
         return [], [replace(made, points=made.only(knobs))] if knobs else [made]
-    if part == "report" and not every and scene not in REPORTS:
-        raise SceneError(f"there is no report of {scene!r}; reports: {', '.join(REPORTS)}")
     reports = [scene] if scene in REPORTS and (part == "report" or (part == "both" and not quick)) else []
     if every and part == "report":
         reports = list(REPORTS)
@@ -190,8 +192,8 @@ def _executor(scheduler: str | None, jobs: int) -> "Executor":
 
 def accuracy(
     made: "Plan", execute: "Executor", out: Path, *, fresh: bool, seed: int, shown: bool
-) -> dict[str, Any]:
-    """Run a study of accuracy, write its files and return its result. Raises OSError."""
+) -> tuple[dict[str, Any], list[Path]]:
+    """Run a study of accuracy, write its files; return its result and them. Raises OSError."""
     from tripod_bringup.study_files import write_files  # noqa: PLC0415
     from tripod_bringup.study_run import outdated, run_plan  # noqa: PLC0415
     from tripod_bringup.study_store import Store  # noqa: PLC0415
@@ -206,8 +208,7 @@ def accuracy(
         with bar(made.name, shown=shown) as progress:
             records = run_plan(made, store, execute, seed=seed, progress=progress)
     result = assemble(made, records, _version())
-    write_files(result, out)
-    return result
+    return result, write_files(result, out)
 
 
 def _version() -> str:

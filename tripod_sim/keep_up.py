@@ -258,11 +258,11 @@ class KeepUp:
         from tripod_sim.accuracy.choice import percent  # noqa: PLC0415 - only where the machine is too slow
 
         assert self._rungs
-        now_below, asked = (
+        below, asked = (
             "" if e is None else percent(e) for e in (self._rungs[rung].error, self._rungs[0].error)
         )
-        expect = now_below and f", error below {now_below}"
-        instead = f" instead of {asked}" if now_below and asked not in ("", now_below) else ""
+        expect = f", error below {below}" if below else ""
+        instead = f" instead of {asked}" if below and asked and asked != below else ""
         why = too_slow(seen) if rung > before else "there is room again"
         now = f"now {self._rungs[rung].text}{expect}{instead}"
         meanwhile = f"machine too slow for more: {now}" if 0 < rung < before else ""

@@ -365,6 +365,7 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
         ([], "give one scene or --all"),
         (["pendulum", "--all"], "give one scene or --all"),
         (["cloth", "--part", "report"], "there is no report of 'cloth'; reports: pendulum, drape"),
+        (["mine.toml", "--part", "report"], "there is no report of 'mine.toml'; reports: pendulum, drape"),
         (["cloth", "--part", "some"], "--part is 'some'; allowed: both, accuracy, report"),
         (
             ["drape", "--part", "report", "--knobs", "dt"],
@@ -465,7 +466,7 @@ def test_the_report_and_the_accuracy_of_one_scene_come_together(
         study_command, "print_report", lambda name, *_, **__: asked.append(name) or {"rows": []}
     )
     monkeypatch.setattr(
-        study_command, "accuracy", lambda made, *_, **__: asked.append(made.name) or {"front": [0]}
+        study_command, "accuracy", lambda made, *_, **__: asked.append(made.name) or ({"front": [0]}, [])
     )
     for words, expected in (
         (["pendulum"], ["pendulum", "pendulum"]),

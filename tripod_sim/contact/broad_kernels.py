@@ -1,4 +1,4 @@
-"""Loops of the broad phase: boxes around moving shapes, a tree of boxes, and the pairs that overlap.
+"""Loops of the broad phase: boxes around moving shapes, a tree of boxes, and the pairs that are near.
 
 The tree is a complete binary one over the shapes in the order of a Z-curve through their centres
 [LauterbachEtAl2009]: node k has the children 2 k + 1 and 2 k + 2, so that it needs no pointers, and a refit is one

@@ -48,9 +48,6 @@ RUN = 100
 MOST_PARTS = 100_000
 """Of one step."""
 
-ROUNDING = 2.2e-16
-"""Of numbers, as a share of them."""
-
 THIN = 1e-9
 """Smallest principal moment of inertia of a rigid body, as a share of its largest."""
 
@@ -308,7 +305,7 @@ class ExplicitSteps:
     def _rounding(self, state: State) -> float:
         """Return how far off strain energy is by rounding [J]: of a body that nothing moves there is no other."""
         stiffness, size = self._system.elastic.largest_stiffness(), float(np.abs(state.positions).max())
-        return ROUNDING * len(state.positions) * stiffness * size**2
+        return float(np.finfo(float).eps) * len(state.positions) * stiffness * size**2
 
     def _culprit(self, state: State) -> str:
         if not np.isfinite(state.positions).all():
