@@ -46,13 +46,20 @@ def carry(before: Simulation, after: Simulation) -> None:
 def settle(before: Simulation, state: State, after: Simulation) -> None:
     """Bring the body of `after` to rest with its servos where `state` of `before` has them, bent the same way.
 
+    It begins with the shape that `before` has. Where that turns an element of a coarser mesh inside out, it goes there
+    from its own start.
+
     Raises StepError: there is no equilibrium near by.
     """
     coarse, fine = before.system, after.system
     assert isinstance(coarse, System)  # others have no mesh that may change
     assert isinstance(fine, System)
     (start,) = bent_like(coarse, [state], fine, state.joints[None])
-    after.rest_at(_asked(after, state), start, state.time)
+    try:
+        after.rest_at(_asked(after, state), start, state.time)
+    except StepError:
+        after.reset()
+        after.rest_at(_asked(after, state), time=state.time)
     off = np.linalg.norm(after.state.centres - state.centres, axis=1).max(initial=0.0)
     if off > JUMP:
         raise StepError(f"its body would jump by {1e3 * off:.0f} mm")
