@@ -54,6 +54,8 @@ def only_one(domain: int, namespace: str, directory: Path) -> Iterator[Path]:
         except BlockingIOError:
             text = os.pread(handle, 32, 0).decode("ascii", "replace").strip()
             raise DomainBusyError(domain, namespace, int(text) if text.isdecimal() else None) from None
+        except OSError as error:  # of a file system without locks
+            raise OSError(error.errno, error.strerror, str(path)) from None
         os.ftruncate(handle, 0)
         os.pwrite(handle, f"{os.getpid()}\n".encode("ascii"), 0)
         yield path

@@ -116,8 +116,10 @@ def up(options: UpOptions, screen: Screen) -> int:
     except (DomainError, LogPlaceError, LoopbackError, OpenFilesError, RecordError) as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
-    except OSError as error:  # of the lock
-        print(f"tripod up: {error.filename or 'lock file'}: {error.strerror}", file=sys.stderr)
+    except OSError as error:
+        if not error.filename:  # not of a file that is needed: this process failed
+            raise
+        print(f"tripod up: {error.filename}: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
 
 

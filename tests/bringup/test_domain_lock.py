@@ -1,5 +1,7 @@
 """One `tripod up` a domain and namespace: the lock, and what it says of its holder."""
 
+import errno
+import fcntl
 import os
 import subprocess
 import sys
@@ -73,3 +75,15 @@ def test_the_lock_file_is_never_a_link_to_another_file(tmp_path: Path) -> None:
     with pytest.raises(OSError), only_one(7, "/", tmp_path):
         pytest.fail("followed the link")
     assert precious.read_text() == "kept"
+
+
+def test_a_file_system_without_locks_is_told_by_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(OSError, match="No locks available") as caught, only_one(7, "/", tmp_path):
+        pass
+    assert Path(caught.value.filename).parent == tmp_path

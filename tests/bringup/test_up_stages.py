@@ -1,11 +1,13 @@
 """What `tripod up` starts, in which order and with which parameters; and when it decides to stop."""
 
+import errno
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tripod_bringup import up as up_module
 from tripod_bringup import up_command
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.screen import Screen
@@ -216,3 +218,16 @@ def test_a_recorder_that_did_not_end_in_order_is_told_with_its_recording(
     assert _report(ending, None, facts, UpOptions(), Screen(terminal=False)) == 14
     said = "tripod up: stopped: record was ended by SIGKILL; the recording may be incomplete: a.mcap\n"
     assert capsys.readouterr().err == said
+
+
+def test_a_fault_of_this_process_is_not_told_as_one_of_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> int:
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(up_module, "_run", fail)
+    with pytest.raises(OSError, match="Cannot allocate memory"):
+        up_module.up(UpOptions(), Screen(terminal=False))
+    assert capsys.readouterr().err == ""
