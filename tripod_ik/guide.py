@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_host.priority import stand_back
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
@@ -89,6 +90,7 @@ class Guide:
         self._thread.start()
 
     def _find(self, state: LinearState | None, tasks: Sequence[Task], slide: float) -> None:
+        stand_back()
         try:
             if self._finder is None or not abs(slide - self._built_at) < SLID:
                 self._finder, self._built_at = self._build(slide), slide
