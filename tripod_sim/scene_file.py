@@ -164,7 +164,7 @@ def _parse(text: str) -> dict[str, Any]:
 def override(table: dict[str, Any], word: str) -> None:
     """Apply one `dotted.path=value` to a parsed scene, in place. Raises SceneError.
 
-    `path=off` removes an effect; the number after the last entry of a list adds one.
+    `path=off` removes an effect; the number after the last entry of a list adds one, and 0 begins a list.
     """
     path, equals, text = (part.strip() for part in word.partition("="))
     keys = path.split(".")
@@ -172,7 +172,7 @@ def override(table: dict[str, Any], word: str) -> None:
         raise SceneError(f"override {shown(word)} is not of the form dotted.path=value")
     node: Any = table
     for depth, key in enumerate(keys[:-1]):
-        node = _inside(node, key, ".".join(keys[: depth + 1]))
+        node = _inside(node, key, ".".join(keys[: depth + 1]), keys[depth + 1])
     last = keys[-1]
     if text == "off" and not _is_word(keys, text):
         _remove(node, last, keys)
@@ -205,12 +205,12 @@ def value_of(text: str) -> Any:
     return table["v"] if len(table) == 1 else text
 
 
-def _inside(node: Any, key: str, where: str) -> Any:
-    """Return what `key` names in a table (made if absent) or list."""
+def _inside(node: Any, key: str, where: str, following: str) -> Any:
+    """Return what `key` names in a table or list; what a table lacks is made, a list where the key `following` is 0."""
     if isinstance(node, list):
         return node[_index(node, key, where)]
     if isinstance(node, dict):
-        return node.setdefault(key, {})
+        return node.setdefault(key, [] if following == "0" else {})
     raise SceneError(f"{where}: {where.rpartition('.')[0]} is a value, not a table")
 
 

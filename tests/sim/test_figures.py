@@ -89,6 +89,8 @@ def test_the_books_are_opened_anew_where_the_slide_moves_whose_work_is_not_known
     moved = np.array([0.0, 0.0, 0.0, 0.01])
     books.add(Energies(0.0, 3.0, 0.0), moved, STILL[:3], 0.5)
     assert (books.balance.lost, books.balance.since) == (0.0, 0.5)
+    line = dict(stability_lines(asdict(stability(StepReport(), 0, books.balance, 0.005))))["energy balance"]
+    assert line.endswith("since the slide or what is prescribed moved, at 0.5 s")
     books.add(Energies(0.0, 2.0, 0.0), moved, STILL[:3], 1.0)
     assert (books.balance.lost, books.balance.since) == (1.0, 0.5)
     assert total(Energies(1.0, 2.0, -4.0)) == -1.0

@@ -341,6 +341,12 @@ def test_the_number_after_the_last_entry_of_a_list_adds_one() -> None:
     assert "fixed.2: there is no entry '2'" in refusal("silicone", f"fixed.2={box}")
 
 
+def test_the_number_0_begins_a_list_that_the_scene_has_not() -> None:
+    scene = load_scene("silicone", ["load.0={set='all', force=[0, 0, 1]}", "load.1={set='all', mass=0.1}"])
+    assert scene.load == (Load("all", force=(0, 0, 1)), Load("all", mass=0.1))
+    assert "load.0: there is no entry '0'; it is empty" in refusal("silicone", "load.0.mass=0.1")
+
+
 def test_an_effect_that_is_not_there_can_be_off() -> None:
     assert load_scene("tripod", ["fixed=off"]) == load_scene("tripod")
 

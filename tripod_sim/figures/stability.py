@@ -125,7 +125,9 @@ def snap_words(firmness: float, time: float, *, at_rest: bool = False) -> str:
 
 
 def _balance(energy: Mapping[str, Any]) -> str:
-    since = f" since the slide moved, at {energy['since']:.3g} s" if energy["since"] else ""
+    since = (
+        f" since the slide or what is prescribed moved, at {energy['since']:.3g} s" if energy["since"] else ""
+    )
     if energy["grew"]:
         return f"{joules(-energy['lost'])} more than was put in{since}: look at dt and the scheme"
     if max(TINY, SWAY * energy["moved"]) < -energy["lost"] <= energy["unsure"]:
