@@ -8,6 +8,8 @@ import pytest
 
 from tripod_sim import SceneError, load_scene
 from tripod_sim.accuracy.choice import choose
+from tripod_sim.accuracy.studied import studied
+from tripod_sim.scene_file import scene_text
 from tripod_sim.study.advice import advice
 from tripod_sim.study.plan import Plan
 from tripod_sim.study.plans.any_scene import Subject, plan, task
@@ -58,6 +60,18 @@ def test_a_scene_of_a_user_is_studied_and_picked_from(tmp_path: Path) -> None:
     assert choice.settings == best["settings"]
     assert choice.error == pytest.approx(3 * best["error"] + best["own_error"])
     assert not choice.outside
+    text = Path(scene).read_text()
+    for old, new, same in [
+        ("dt = 0.01", "dt = 0.02", True),  # the study chooses it
+        ("duration = 0.1", 'duration = 0.2\ndescription = "longer"', True),
+        ("[material]", "[material]\nmass = 0.032", True),  # as it is by default
+        ("[material]", "[material]\nmass = 0.064", False),
+        ("[gravity]", "", False),
+        ("low = [0.04", "low = [0.03", False),
+    ]:
+        Path(scene).write_text(text.replace(old, new))
+        choice = choose(scene, "reference", ["material.young=1e5"], study=path, speed=lambda: 0.04)
+        assert choice.outside == (() if same else ("the scene, or a file of it, as it is now",))
     assert "material.young" in str(choose(scene, "reference", study=path, speed=lambda: 0.04).outside)
 
 
@@ -98,6 +112,20 @@ def test_another_mesh_file_or_scene_is_another_study(tmp_path: Path) -> None:
         study = plan(Subject(str(path)), quick=True)
         keys.append(study.key(study.default))
     assert keys[0] != keys[1]
+
+
+def test_what_the_files_of_a_scene_hold_is_part_of_what_was_studied_and_not_where_they_are(
+    tmp_path: Path,
+) -> None:
+    shipped = Path(load_scene("incline").obstacles[0].source).read_text()
+    seen = []
+    for name, text in (("a", shipped), ("b", shipped), ("c", shipped + "v 0 0 0\n")):
+        (tmp_path / name).mkdir()
+        scene = tmp_path / name / "scene.toml"
+        scene.write_text(scene_text("incline"))
+        (scene.parent / "plate.obj").write_text(text)
+        seen.append(studied(load_scene(scene), ()))
+    assert seen[0] == seen[1] != seen[2]
 
 
 def test_a_name_cannot_lead_the_files_elsewhere(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import NUMBERS, StoredPoint, StoredStudy, Value, read_study, stored_studies
+from tripod_sim.accuracy.studied import FREE, INSIDE, studied
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.scene import Scene
@@ -36,12 +37,6 @@ LOAD = 0.5
 
 WORDS = ("draft", "real-time", "reference")
 """The study's draft, else the cheapest within `DRAFT`; the most exact within `LOAD`; the most exact."""
-
-INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description", "motion.servo", "motion.slide")
-"""Fields that are free: what is promised is promised for any start, any motion and any length of a run."""
-
-FREE = ("motion", "mesh_error")
-"""Tables that are free: the motion, and an estimate that leaves it as it is."""
 
 BUDGET = re.compile(r"budget (?:(\d{1,6}(?:\.\d{1,9})?) ?%|(\d{1,6}(?:\.\d{1,9})?) ?(us|ms|s))", re.ASCII)
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
@@ -76,7 +71,7 @@ class Choice:
         error: To expect, relative (see `promised`).
         quantity: What the error is of; where a study promises several, the error is the largest of all.
         seconds: Time of this machine for a simulated second, or for a solve [s]; None where it could not be told.
-        outside: Overrides of the user that the study knows nothing of: with them the error is not promised.
+        outside: What the study knows nothing of, such as overrides of the user: with it the error is not promised.
         sentence: All that for people, on one line.
     """
 
@@ -329,7 +324,7 @@ def check_fits(study: StoredStudy, made: Scene, scene: str) -> None:
 def outside(
     scene: str, study: StoredStudy, picked: Sequence[str], overrides: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the overrides of the user that change what was studied, and what was studied and is not in the scene."""
+    """Return what is not as it was studied: overrides of the user, what the study shares, the scene's own file."""
     found, named = [], {word.partition("=")[0].strip() for word in overrides}
     made = load_scene(scene, [*picked, *overrides])
     for k, word in enumerate(overrides):
@@ -345,6 +340,8 @@ def outside(
     for field, value in study.base.items():
         if field not in INSIDE and field not in named and not holds(made, field, value):
             found += [f"the study has {word}" for word in words_of({field: value})]
+    if study.studied and study.studied != studied(load_scene(scene), study.varied):
+        found.append("the scene, or a file of it, as it is now")
     return tuple(found)
 
 

@@ -77,6 +77,8 @@ class StoredStudy:
         quick: Whether it was made of few points against a coarse reference.
         others: What else is promised, in words.
         draft: Settings of the point that `--accuracy draft` takes; None: the cheapest that is exact enough for it.
+        varied: Fields that it varied.
+        studied: Digest of the scene as it was (see `studied.studied`); empty where the study does not say.
     """
 
     name: str
@@ -91,6 +93,8 @@ class StoredStudy:
     quick: bool
     others: tuple[str, ...] = ()
     draft: Mapping[str, Value] | None = None
+    varied: tuple[str, ...] = ()
+    studied: str = ""
 
 
 def stored_studies() -> list[Path]:
@@ -166,6 +170,8 @@ def _study(table: Any) -> StoredStudy:
         quick=top.get("quick") is True,
         others=tuple(_text(q.get("what"), "quantities.what") for q in beside),
         draft=None if (draft := top.get("draft")) is None else _settings(draft, "draft"),
+        varied=tuple(_settings(top.get("default", {}), "default")),
+        studied="" if (studied := top.get("studied")) is None else _text(studied, "studied"),
     )
 
 

@@ -162,6 +162,7 @@ class Plan:
         note: What a reader must know.
         given: What `task` is told besides, which is no field of a scene.
         draft: Settings of the point that `--accuracy draft` takes; empty: the cheapest that is exact enough for it.
+        studied: Digest of the scene of a user (`accuracy.studied.studied`).
     """
 
     name: str
@@ -184,6 +185,7 @@ class Plan:
     note: str = ""
     given: Settings = field(default_factory=dict)
     draft: Settings = field(default_factory=dict)
+    studied: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scene", self.scene or self.name)

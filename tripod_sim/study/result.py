@@ -102,6 +102,7 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
         "study": plan.name,
         "title": plan.title,
         "scene": plan.scene,
+        "studied": plan.studied or None,
         "note": plan.note,
         "quick": plan.quick,
         "group": plan.group,

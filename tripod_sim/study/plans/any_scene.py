@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.accuracy.studied import studied
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
@@ -152,6 +153,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         limit=LIMIT,
         note=note,
         given=given,
+        studied=studied(load_scene(subject.scene), default),
     )  # fmt: skip
 
 
@@ -392,14 +394,7 @@ def _place(source: str) -> str:
 def _state(source: str) -> str:
     """Return a digest of the scene and of the files it names."""
     scene = load_scene(source)
-    files = [Path(s) for s in (scene.mesh.source if scene.mesh else "", scene.springs.source if scene.springs else "")
-             if "." in s]  # fmt: skip
-    files += [Path(body.source) for body in scene.rigid if "." in body.source]
-    files += [Path(obstacle.source) for obstacle in scene.obstacles if "." in obstacle.source]
-    made = hashlib.sha256(repr(scene).encode())
-    for path in files:
-        made.update(hashlib.sha256(path.read_bytes()).digest())
-    return made.hexdigest()[:16]
+    return hashlib.sha256((repr(scene) + studied(scene, ())).encode()).hexdigest()[:16]
 
 
 def _digest(base: Settings) -> str:
