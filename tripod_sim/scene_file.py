@@ -143,6 +143,8 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
             raise SceneError(f"scene file {str(path)!r} is not UTF-8 text") from None
     if source not in scene_names():
         near = difflib.get_close_matches(str(source), scene_names(), 1)
+        with suppress(OSError):  # too long a name
+            near = [f"{source}.toml"] if Path(f"{source}.toml").is_file() else near
         hint = f"; did you mean {near[0]!r}?" if near else ""
         names = ", ".join(scene_names())
         raise SceneError(

@@ -15,6 +15,7 @@ from tripod_sim import SceneError, load_scene
 from tripod_sim.accuracy.choice import LOAD, MARGIN, asked, choose, expected, holds, pick, promised
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import read_study, stored_studies
+from tripod_sim.scene_file import scene_text
 from tripod_sim.study.plans import tripod_dynamic
 
 POINTS = [  # dt [s], relative bound, CPU time for a simulated second [s]
@@ -336,6 +337,10 @@ def test_a_scene_without_a_study_says_how_to_make_one(tmp_path: Path) -> None:
         match="no study of scene 'silicone_free' where it moves: `tripod study silicone_free` makes one, for --study",
     ):
         choose("silicone_free", "5%", speed=same_speed)
+    own = tmp_path / "my strip.toml"
+    own.write_text(scene_text("silicone_free"))
+    with pytest.raises(SceneError, match=r"`tripod study '.*/my strip.toml'` makes one"):
+        choose(str(own), "5%", speed=same_speed)
 
 
 @pytest.mark.parametrize(

@@ -347,6 +347,13 @@ def test_the_number_0_begins_a_list_that_the_scene_has_not() -> None:
     assert "load.0: there is no entry '0'; it is empty" in refusal("silicone", "load.0.mass=0.1")
 
 
+def test_a_file_without_its_suffix_is_what_is_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("beam.toml").write_text(scene_text("silicone"))
+    with pytest.raises(SceneError, match=r"scene 'beam' is unknown; .*; did you mean 'beam.toml'\?"):
+        load_scene("beam")
+
+
 def test_an_effect_that_is_not_there_can_be_off() -> None:
     assert load_scene("tripod", ["fixed=off"]) == load_scene("tripod")
 

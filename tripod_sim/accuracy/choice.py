@@ -8,6 +8,7 @@ docs/accuracy_promise.md).
 
 import math
 import re
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import reduce
@@ -301,7 +302,7 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
                 return found
     kind = "moves" if moves else "is static"
     raise SceneError(
-        f"there is no study of scene {scene!r} where it {kind}: `tripod study {scene}` makes one, "
+        f"there is no study of scene {scene!r} where it {kind}: `tripod study {shlex.quote(scene)}` makes one, "
         "for --study FILE"
     )
 
