@@ -331,6 +331,8 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
         ([ALONG, 'prescribed=[{set="end", move="0: 1,0,0"}]'], r"prescribed.0.move is \[1.0, 0.0, 0.0\] at 0 s; the"),
         ([ALONG, 'prescribed=[{set="end", move="0: 0,0"}]'], "prescribed.0.move: '0: 0,0' is not 'time: value, ...'"),
         ([ALONG, 'initial_velocity=[{velocity=[1,0,0]}]'], "initial_velocity needs inertia"),
+        ([ALONG, 'set=[{name="end", high=[0, 1, 1]}]', 'inertia={}', 'initial_velocity=[{set="end", spin=[1,1,1]}]'],
+         "initial_velocity.0.set is 'end': all of it is fixed or prescribed and moves by nothing else"),
         ([ALONG, 'marker=[{set="x"}]'], "marker.0.set is 'x'"),
         (["servos={count=2}", 'servo=[{set="end", hub=[0,0,0], axis=[0,1,0]}]'],
          r"there are 1 \[\[servo\]\], but servos.count is 2"),

@@ -394,6 +394,10 @@ def test_a_disc_of_too_few_nodes_is_refused_with_the_radius_that_holds_enough() 
     message = r"effector.radius is 0.0075 m: it holds 2 of the nodes, and a disc needs 3; so many are within 1 m of Z"
     with pytest.raises(SceneError, match=message):
         build(load_scene("silicone_free", [block, "effector={}"]))
+    with pytest.raises(
+        SceneError, match="its 3 nodes lie on a line, about which a disc could turn freely; enlarge it"
+    ):
+        build(load_scene("silicone_free", [block.replace("2, 2, 1]", "2, 2, 2]"), "effector={}"]))
 
 
 @pytest.mark.parametrize(

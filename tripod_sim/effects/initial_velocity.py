@@ -7,6 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray
 from tripod_sim.effect import Effect, Need
+from tripod_sim.errors import SceneError
 from tripod_sim.tables.fields import number
 from tripod_sim.tables.sets import Vector
 
@@ -38,13 +39,18 @@ def start(tables: tuple[InitialVelocity, ...], sets: Any, rest: FloatArray, held
         held: Which nodes are held along which axes, shape (n, 3): they have no velocity there.
 
     Raises:
-        SceneError: there is no such set.
+        SceneError: there is no such set, or all of it is held.
     """
     velocities = np.zeros_like(rest)
     for i, table in enumerate(tables):
         nodes = sets.nodes(table.set, f"initial_velocity.{i}.set")
         arm = rest[nodes] - np.array(table.centre)
         velocities[nodes] = np.array(table.velocity) + np.cross(table.spin, arm)
+        moved = velocities[nodes] != 0
+        if moved.any() and held[nodes][moved].all():
+            raise SceneError(
+                f"initial_velocity.{i}.set is {table.set!r}: all of it is fixed or prescribed and moves by nothing else"
+            )
     velocities[held] = 0.0
     return velocities
 

@@ -9,9 +9,14 @@ from tripod_sim.tables.robot import Effector
 FEWEST = 3
 """Nodes of a disc: fewer do not say how it is turned."""
 
+THIN = 1e-6
+"""Width of a disc over its length from which on its nodes lie on a line, about which it could turn freely."""
+
 
 def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector") -> IndexArray:
-    """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are fewer than three.
+    """Return the nodes within the effector's radius of the Z axis.
+
+    Raises SceneError if there are fewer than three, or all lie on a line.
 
     Args:
         nodes: Undeformed positions in the frame of the body [m], shape (n, 3).
@@ -28,5 +33,12 @@ def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector"
         raise SceneError(
             f"{field}.radius is {effector.radius} m: it holds {held.size} of the nodes, and a disc needs {FEWEST}; so "
             f"many are within {np.sort(radius)[FEWEST - 1]:.4g} m of Z"
+        )
+    arms = nodes[held] - nodes[held].mean(axis=0)
+    length, width, _ = np.linalg.svd(arms, compute_uv=False)
+    if width <= THIN * length:
+        raise SceneError(
+            f"{field}.radius is {effector.radius} m: its {held.size} nodes lie on a line, about which a disc could "
+            "turn freely; enlarge it"
         )
     return held
