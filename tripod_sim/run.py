@@ -136,7 +136,7 @@ def run(
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
-    simulation.note(*_unstable(unstable, steps))
+    simulation.note(*_unstable(unstable, steps), *_astray(worst["worst"], simulation))
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -230,6 +230,19 @@ def _unstable(times: Sequence[float], steps: int) -> list[str]:
     return [
         f"{len(times)} of {steps} steps ended in an unstable equilibrium, first at {times[0]:.4g} s: with inertia the "
         "body would leave it; if a finer mesh or another element tells of none, it is the mesh that buckles"
+    ]
+
+
+def _astray(error: float, simulation: Simulation) -> list[str]:
+    """Return what is to say of a linear estimate of the error of the time steps [m], NaN if there is none."""
+    if np.isnan(error) or contact_of(simulation.scene):  # with contact it is told by steps of half the length
+        return []
+    size = float(np.ptp(simulation.mesh.nodes, axis=0).max())
+    if error <= size:
+        return []
+    return [
+        f"the error of the time steps was estimated to be larger than the body ({1e3 * size:.3g} mm): where things are "
+        "by then these steps do not tell, and neither by how much they err; shorter ones may"
     ]
 
 

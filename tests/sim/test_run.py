@@ -470,3 +470,12 @@ def test_what_is_built_is_told_with_its_size_until_the_first_step() -> None:
         "step",
     ]
     assert "notes" not in result
+
+
+def test_an_estimate_larger_than_the_body_is_told_to_be_none() -> None:
+    words = ["inertia.scheme=tr_bdf2", "time_error={}"]
+    assert "notes" not in run("pendulum", duration=1.0, overrides=words)
+    notes = run("pendulum", duration=3.0, overrides=words)["notes"]
+    assert [note.partition(":")[0] for note in notes] == [
+        "the error of the time steps was estimated to be larger than the body (1e+03 mm)"
+    ]
