@@ -471,6 +471,13 @@ def test_every_shipped_study_can_be_read_and_serves_its_scene() -> None:
         assert promised(found, point) == min(promised(found, p) for p in found.points)
 
 
+@pytest.mark.parametrize("scene", ["pendulum", "cloth", "drape"])
+def test_what_swings_on_is_promised_for_the_time_that_was_studied(scene: str) -> None:
+    assert load_scene(scene).duration > 1
+    choice = choose(scene, "reference", speed=same_speed)
+    assert choice.told.endswith("the worst instant of the first second")
+
+
 def test_this_machine_is_measured() -> None:
     taken = product_time()
     assert taken is not None

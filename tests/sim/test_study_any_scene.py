@@ -60,6 +60,7 @@ def test_a_scene_of_a_user_is_studied_and_picked_from(tmp_path: Path) -> None:
     assert choice.settings == best["settings"]
     assert choice.error == pytest.approx(3 * best["error"] + best["own_error"])
     assert not choice.outside
+    assert choice.quantity.endswith("root mean square, the worst instant of 0.1 s")
     text = Path(scene).read_text()
     for old, new, same in [
         ("dt = 0.01", "dt = 0.02", True),  # the study chooses it

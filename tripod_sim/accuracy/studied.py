@@ -9,7 +9,8 @@ from tripod_sim.scene import Scene
 from tripod_sim.tables.fields import tables_in
 
 INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description", "motion.servo", "motion.slide")
-"""Fields that are free: what is promised is promised for any start, any motion and any length of a run."""
+"""Fields that are free: what is promised is promised for any start and any motion; where a study names the time that
+it saw, of a longer run only for that."""
 
 FREE = ("motion", "mesh_error")
 """Tables that are free: the motion, and an estimate that leaves it as it is."""

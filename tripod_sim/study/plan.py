@@ -94,7 +94,12 @@ class Quantity:
         return self.rows or self.name
 
 
-NODES = Quantity("nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms")
+NODES = Quantity(
+    "nodes",
+    "m",
+    "positions of all nodes, root mean square, the worst instant of the first second",
+    measure="rms",
+)
 """As `motion.nodes` observes them."""
 
 

@@ -134,7 +134,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         SAMPLES: samples,
     }
     note = _left_out(made, default, rungs[-1])
-    quantities = _quantities(made, LEFT_OUT if note else "")
+    quantities = _quantities(made, interval * samples, LEFT_OUT if note else "")
     return Plan(
         name=UNSAFE.sub("_", made.name)[:60] + ("" if len(base) == 1 else f"_{_digest(base)}"),
         title=f"{made.name}: {made.description or 'a scene of its own'}",
@@ -185,21 +185,28 @@ def task(settings: Settings) -> Measured:
 # what is looked at ----------------------------------------------------------------------------------------------------
 
 
-def _quantities(scene: Scene, left_out: str = "") -> tuple[Quantity, ...]:
-    """Return what is compared, what matters most first; `left_out`: words on errors of the soft body."""
+def _quantities(scene: Scene, duration: float, left_out: str = "") -> tuple[Quantity, ...]:
+    """Return what is compared, what matters most first.
+
+    Args:
+        scene: As it is.
+        duration: Of the motion [s]: of a longer one the errors, which may grow, are not known.
+        left_out: Words on errors of the soft body.
+    """
+    worst = f"the worst instant of {duration:g} s"
     found = [
-        Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, the worst instant{left_out}")
+        Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, {worst}{left_out}")
         for m in scene.marker
     ]
     if effector_of(scene):
-        found.append(Quantity("effector", "m", f"position of the effector, the worst instant{left_out}"))
+        found.append(Quantity("effector", "m", f"position of the effector, {worst}{left_out}"))
     if scene.ball:
-        found.append(Quantity("ball", "m", f"position of the ball, the worst instant{left_out}"))
+        found.append(Quantity("ball", "m", f"position of the ball, {worst}{left_out}"))
     if _soft(scene):
-        what = f"positions of the body's nodes, root mean square, the worst instant{left_out}"
+        what = f"positions of the body's nodes, root mean square, {worst}{left_out}"
         found.append(Quantity("body", "m", what, measure="rms"))
     if scene.rigid:
-        what = "positions of the rigid bodies, root mean square, the worst instant"
+        what = f"positions of the rigid bodies, root mean square, {worst}"
         found.append(Quantity("rigid", "m", what, measure="rms"))
     return tuple(found)
 

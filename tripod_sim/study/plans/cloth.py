@@ -55,7 +55,7 @@ def plan(*, quick: bool) -> Plan:
         points=points_of(DEFAULT, points),
         quantities=(
             NODES,
-            Quantity("edge", "m", "the middle of the free edge, the worst instant"),
+            Quantity("edge", "m", "the middle of the free edge, the worst instant of the first second"),
         ),
         references=(always(QUICK_RUNGS if quick else RUNGS),),
         quick=quick,

@@ -65,7 +65,7 @@ def plan(*, quick: bool) -> Plan:
         points=points_of(DEFAULT, points),
         quantities=(
             NODES,
-            Quantity("end", "m", "position of the free end, the worst instant"),
+            Quantity("end", "m", "position of the free end, the worst instant of the first second"),
             Quantity("amplitude", "m", "largest distance of the free end from its start", scale="largest"),
             Quantity("passage", "s", "when the free end is lowest", scale="largest"),
         ),

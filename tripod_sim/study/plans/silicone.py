@@ -60,7 +60,7 @@ def plan(*, quick: bool) -> Plan:
         default=DEFAULT,
         points=points_of(DEFAULT, points),
         quantities=(
-            Quantity("tips", "m", "ends of the two free strips, the worst instant"),
+            Quantity("tips", "m", "ends of the two free strips, the worst instant of the first 0.3 s"),
             Quantity("sag", "m", "the lower of them at the end of the motion", scale="largest"),
         ),
         references=(always(QUICK_RUNGS if quick else RUNGS),),
