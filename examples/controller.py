@@ -32,6 +32,7 @@ def wave() -> None:
     commands.publish(message)
 
 
+print("waving to whoever listens, such as `tripod up`, until Ctrl-C")
 node.create_timer(0.2, lambda: modes.publish(decision))
 node.create_timer(0.04, wave)
 with suppress(KeyboardInterrupt, ExternalShutdownException):

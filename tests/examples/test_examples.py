@@ -97,14 +97,17 @@ def test_the_controller_lets_the_servos_wave_until_it_is_stopped(domain: int) ->
     graph = Graph(domain, set="mesh.level=1").start()
     words = [sys.executable, str(EXAMPLES / "controller.py"), "--ros-args"]
     words += ["-r", f"__ns:={graph.node.get_namespace()}"]
-    controller = subprocess.Popen(words, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    controller = subprocess.Popen(words, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
     try:
         graph.wait(lambda: min(graph.joints()[:3]) < -0.5, "a servo at the end of its way")
         angles = graph.joints()[:3]
         assert max(angles) - min(angles) > 0.2
         assert graph.last_status().authority.source == "wave"
         controller.send_signal(signal.SIGINT)
-        assert controller.wait(timeout=60) == 0
+        told, _ = controller.communicate(timeout=60)
+        assert controller.returncode == 0
+        assert told == "waving to whoever listens, such as `tripod up`, until Ctrl-C\n"
     finally:
         controller.kill()
         graph.close()
