@@ -61,6 +61,8 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     Raises:
         SceneError: no such scene, unknown field, wrong type or value out of range; the message names the path.
     """
+    if isinstance(overrides, str):  # each of its characters would be one
+        raise SceneError(f"overrides is {shown(overrides)}; it must be a list: [{shown(overrides)}]")
     text, folder = _read(source)
     return _scene(text, folder, f"scene {str(source)!r}", overrides)
 

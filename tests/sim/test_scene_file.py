@@ -315,6 +315,11 @@ def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
     assert again == before
 
 
+def test_overrides_that_are_no_list_are_told() -> None:
+    with pytest.raises(SceneError, match=r"overrides is 'dt=0.01'; it must be a list: \['dt=0.01'\]"):
+        load_scene("tripod", "dt=0.01")
+
+
 def test_one_entry_of_a_list_goes_with_off() -> None:
     boxes = "fixed=[{low=[0,0,0], high=[1,1,1]}, {low=[2,2,2], high=[3,3,3]}]"
     assert load_scene("tripod", [boxes, "fixed.0=off"]).fixed == (Fixed(low=(2, 2, 2), high=(3, 3, 3)),)
