@@ -8,6 +8,7 @@ from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.contact import met_kernels, narrow_kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.narrow_kernels import BALLS
 from tripod_sim.contact.region_kernels import Topology
 from tripod_sim.contact.surfaces import Surfaces
 
@@ -105,7 +106,7 @@ class Detector:
         against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, 1)
         against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)
         against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, 2)
-        against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, met_kernels.BALLS)
+        against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, BALLS)
         numbers = {"points": points, "faces": faces, "edges": edges, "balls": balls}
         self._compare_moving(numbers, shapes, boxes)
         self._compare_led()
@@ -146,7 +147,7 @@ class Detector:
             alike.append((True, False))
         unlike = [*alike, (False, True)] if apart else alike
         for name, query, first, sides in (
-            ("faces", "points", 1, unlike), ("edges", "edges", 2, alike), ("balls", "balls", met_kernels.BALLS, alike),
+            ("faces", "points", 1, unlike), ("edges", "edges", 2, alike), ("balls", "balls", BALLS, alike),
         ):  # fmt: skip
             for one, other in sides:
                 (mine, asked), (theirs, target) = part(query, of_large=one), part(name, of_large=other)
@@ -209,18 +210,10 @@ class Detector:
             pairs = q.pairs(self.alarm)
             self.pairs += len(pairs)
             while True:
-                if q.first == met_kernels.BALLS:
-                    end = narrow_kernels.near_balls(
-                        pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, out.arrays, at
-                    )
-                elif q.first == 1:
-                    end = narrow_kernels.near_point_faces(
-                        pairs, q.ones, q.others, q.flipped, self._top, x, self.distance, self.alarm, out.arrays, at
-                    )  # fmt: skip
-                else:
-                    end = narrow_kernels.near_edges(
-                        pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, held, out.arrays, at
-                    )
+                end = narrow_kernels.near_contacts(
+                    pairs, q.ones, q.others, q.first, q.flipped, self._top, x, self.distance, self.alarm, held,
+                    out.arrays, at,
+                )  # fmt: skip
                 if end <= len(out.arrays.key):
                     break
                 out.count = at

@@ -7,11 +7,8 @@ from tripod_host.arrays import Array
 from tripod_sim.contact.ccd_kernels import relative_speed, time_of_approach
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.distance_kernels import point_triangle, segment_segment
-from tripod_sim.contact.narrow_kernels import NOWHERE, ball_ball, edge_edge, point_face
-from tripod_sim.contact.region_kernels import Topology, may_touch
-
-BALLS = 0
-"""Instead of the vertices of the first shape: two balls."""
+from tripod_sim.contact.narrow_kernels import BALLS, NOWHERE, ball_ball, edge_edge, point_face, vertices_of
+from tripod_sim.contact.region_kernels import Topology
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,9 +21,7 @@ def times(
     A pair that begins closer than twice the least distance must keep half of what it has.
 
     Args:
-        pairs: Vertex and triangle (`first` 1), two edges (2) or two balls (`BALLS`); see `near_point_faces`.
-        ones, others, flipped, top, x: As there.
-        first: Vertices of the first shape, or `BALLS`.
+        pairs, ones, others, first, flipped, top, x: See `near_contacts`.
         move: Of vertices over the step [m], shape (n, 3).
         least: Distance to keep [m], besides the radius of balls.
         out: Shape (p,).
@@ -39,7 +34,8 @@ def times(
     for k in range(pairs.shape[0]):
         out[k] = 1.0
         i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
-        if not _vertices(triangles, edges, body, itself, first, i, j, v):
+        apart, v[0], v[1], v[2], v[3] = vertices_of(triangles, edges, body, itself, first, i, j)
+        if not apart:
             continue
         for m in range(4):
             for c in range(3):
@@ -63,23 +59,6 @@ def times(
             out[k] = 1.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _vertices(
-    triangles: Array, edges: Array, body: Array, itself: Array, first: int, i: int, j: int, v: Array
-) -> bool:
-    """Write the four vertices of a pair, of balls one repeated; return whether it can touch."""
-    if first == BALLS:
-        v[0], v[1], v[2], v[3] = i, j, j, j
-        apart = i != j
-    elif first == 1:
-        v[0], v[1], v[2], v[3] = i, triangles[j, 0], triangles[j, 1], triangles[j, 2]
-        apart = i != v[1] and i != v[2] and i != v[3]
-    else:
-        v[0], v[1], v[2], v[3] = edges[i, 0], edges[i, 1], edges[j, 0], edges[j, 1]
-        apart = v[0] != v[2] and v[0] != v[3] and v[1] != v[2] and v[1] != v[3]
-    return apart and may_touch(body, itself, v[0], v[2])
-
-
 @njit(cache=True, error_model="numpy")
 def met_contacts(
     pairs: Array, ones: Array, others: Array, first: int, flipped: bool, top: Topology, x: Array, move: Array,
@@ -88,8 +67,8 @@ def met_contacts(
     """Write the contacts of pairs that meet, as they stand when they do: of each moving vertex the first that it meets.
 
     Args:
-        pairs, ones, others, first, flipped, top, x, move, out, at: As in `times`, `near_point_faces`.
-        distance: As in `near_point_faces`.
+        pairs, ones, others, first, flipped, top, x, move, out, at: As in `times`, `near_contacts`.
+        distance: As in `near_contacts`.
         when, earliest: What `times` wrote.
         moving: Whether each vertex can move, shape (n,).
         choice: MET leaves out what meets a feature from where another is closer; ANY takes all.
@@ -100,7 +79,9 @@ def met_contacts(
         if when[k] >= 1.0:
             continue
         i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
-        _vertices(top.triangles, top.edges, top.body, top.touches_itself, first, i, j, v)
+        _, v[0], v[1], v[2], v[3] = vertices_of(
+            top.triangles, top.edges, top.body, top.touches_itself, first, i, j
+        )
         late = False
         for m in range(4):
             late |= moving[v[m]] and when[k] > earliest[v[m]] + 1e-3 * (1.0 - earliest[v[m]])

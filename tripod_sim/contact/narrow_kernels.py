@@ -10,7 +10,6 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.array_kernels import put
 from tripod_sim.contact.contact_set import FIRST, KIND, Contacts
 from tripod_sim.contact.distance_kernels import across, point_triangle, segment_segment, triangle_normal
 from tripod_sim.contact.region_kernels import (
@@ -35,6 +34,9 @@ VERTEX_VERTEX, VERTEX_EDGE, VERTEX_FACE, EDGE_EDGE = 0, 1, 2, 3
 
 NEAR, MET, ANY = 0, 1, 2
 """Which contacts are made: of shapes that are near; that meet; or all that are asked about."""
+
+BALLS = 0
+"""Instead of the vertices of the first shape of a pair: two balls."""
 
 NOWHERE = 1e-9
 """A distance below this fraction of the contact distance has no direction."""
@@ -220,85 +222,71 @@ def _through_edge(
     return into_edge(top, x, f, w)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def vertices_of(
+    triangles: Array, edges: Array, body: Array, itself: Array, first: int, i: int, j: int
+) -> tuple[bool, int, int, int, int]:
+    """Return whether a pair can touch, and its four vertices, of balls one repeated."""
+    if first == BALLS:
+        a, b, c, d = i, j, j, j
+        apart = i != j
+    elif first == 1:
+        a, b, c, d = i, triangles[j, 0], triangles[j, 1], triangles[j, 2]
+        apart = a not in (b, c, d)
+    else:
+        a, b, c, d = edges[i, 0], edges[i, 1], edges[j, 0], edges[j, 1]
+        apart = a not in (c, d) and b not in (c, d)
+    return apart and may_touch(body, itself, a, c), a, b, c, d
+
+
 @njit(cache=True, error_model="numpy")
-def near_point_faces(
-    pairs: Array, points: Array, faces: Array, flipped: bool, top: Topology, x: Array, distance: float, reach: float,
-    out: Contacts, at: int,
+def near_contacts(
+    pairs: Array, ones: Array, others: Array, first: int, flipped: bool, top: Topology, x: Array, distance: float,
+    reach: float, held: Array, out: Contacts, at: int,
 ) -> int:  # fmt: skip
-    """Write contacts of vertices and triangles closer than `reach` [m], besides the radius of balls.
+    """Write contacts of pairs of shapes closer than `reach` [m], besides the radius of balls.
 
     Args:
-        pairs: (place in `points`, place in `faces`), the other way round if `flipped`, shape (p, 2).
-        points, faces: Vertices; triangles.
+        pairs: (place in `ones`, place in `others`), the other way round if `flipped`, shape (p, 2).
+        ones, others: Vertices and triangles (`first` 1), edges and edges (2) or balls and balls (`BALLS`).
+        first: Vertices of the first shape, or `BALLS`.
         flipped: The points are fixed and the triangles move: then only insides of triangles count.
         top, x: Surfaces and where their vertices are [m], shape (n, 3).
         distance: The gap is the distance less this [m].
         reach: [m].
+        held: Keys of contacts that carried a force in the step before, ascending; those of edges are let go of later.
         out: Written from place `at` on, as far as there is room.
         at: Next place.
 
     Returns:
         The place after the last, beyond the room if it does not suffice.
     """
-    triangles, radius, body, itself = top.triangles, top.radius, top.body, top.touches_itself
+    triangles, edges, radius, body, itself = (
+        top.triangles,
+        top.edges,
+        top.radius,
+        top.body,
+        top.touches_itself,
+    )
     y, n = np.empty((4, 3)), np.empty(3)
     for k in range(pairs.shape[0]):
-        p, t = points[pairs[k, 1 if flipped else 0]], faces[pairs[k, 0 if flipped else 1]]
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        if p in (a, b, c) or not may_touch(body, itself, p, a):
+        i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
+        apart, a, b, c, d = vertices_of(triangles, edges, body, itself, first, i, j)
+        if not apart:
             continue
-        for i in range(3):
-            y[0, i], y[1, i], y[2, i], y[3, i] = x[p, i], x[a, i], x[b, i], x[c, i]
-        closest = point_triangle(y[0], y[1], y[2], y[3])
-        if closest[3] < (reach + radius[p]) ** 2 and not (
-            body[p] == body[a] and _through_face(top, x, y, p, t, closest, n)
-        ):
-            at = point_face(top, x, y, p, t, flipped, closest, distance, NEAR, n, out, at)
-    return at
-
-
-@njit(cache=True, error_model="numpy")
-def near_edges(
-    pairs: Array, edges: Array, others: Array, top: Topology, x: Array, distance: float, reach: float, held: Array,
-    out: Contacts, at: int,
-) -> int:  # fmt: skip
-    """Write contacts of two edges closer than `reach`, as `near_point_faces` does.
-
-    `held`: keys of contacts that carried a force in the step before, ascending; they are let go of later.
-    """
-    ends, body, itself = top.edges, top.body, top.touches_itself
-    y, n = np.empty((4, 3)), np.empty(3)
-    for k in range(pairs.shape[0]):
-        e, f = edges[pairs[k, 0]], others[pairs[k, 1]]
-        a, b, c, d = ends[e, 0], ends[e, 1], ends[f, 0], ends[f, 1]
-        if a in (c, d) or b in (c, d) or not may_touch(body, itself, a, c):
-            continue
-        for i in range(3):
-            y[0, i], y[1, i], y[2, i], y[3, i] = x[a, i], x[b, i], x[c, i], x[d, i]
-        closest = segment_segment(y[0], y[1], y[2], y[3])
-        inside = 0.0 < closest[0] < 1.0 and 0.0 < closest[1] < 1.0
-        if (
-            inside
-            and closest[2] < reach * reach
-            and not (body[a] == body[c] and _through_edge(top, x, y, e, f, closest, n))
-        ):  # else a vertex of one, seen with the other's triangles or edges
-            at = edge_edge(top, x, y, e, f, closest, distance, NEAR, held, n, out, at)
-    return at
-
-
-@njit(cache=True, error_model="numpy")
-def near_balls(
-    pairs: Array, balls: Array, others: Array, top: Topology, x: Array, distance: float, reach: float, out: Contacts,
-    at: int,
-) -> int:  # fmt: skip
-    """Write contacts of two balls closer than `reach`, besides their radii, as `near_point_faces` does."""
-    body, itself = top.body, top.touches_itself
-    y, n = np.empty((2, 3)), np.empty(3)
-    for k in range(pairs.shape[0]):
-        p, q = balls[pairs[k, 0]], others[pairs[k, 1]]
-        if p == q or not may_touch(body, itself, p, q):
-            continue
-        put(y[0], x[p])
-        put(y[1], x[q])
-        at = ball_ball(top, y, p, q, distance, reach, n, out, at)
+        for m in range(3):
+            y[0, m], y[1, m], y[2, m], y[3, m] = x[a, m], x[b, m], x[c, m], x[d, m]
+        if first == BALLS:
+            at = ball_ball(top, y, i, j, distance, reach, n, out, at)
+        elif first == 1:
+            closest = point_triangle(y[0], y[1], y[2], y[3])
+            near = closest[3] < (reach + radius[i]) ** 2
+            if near and not (body[a] == body[b] and _through_face(top, x, y, i, j, closest, n)):
+                at = point_face(top, x, y, i, j, flipped, closest, distance, NEAR, n, out, at)
+        else:
+            pair = segment_segment(y[0], y[1], y[2], y[3])
+            # where the closest point is an end a vertex of the one sees the other's triangles or edges
+            near = 0.0 < pair[0] < 1.0 and 0.0 < pair[1] < 1.0 and pair[2] < reach * reach
+            if near and not (body[a] == body[c] and _through_edge(top, x, y, i, j, pair, n)):
+                at = edge_edge(top, x, y, i, j, pair, distance, NEAR, held, n, out, at)
     return at
