@@ -16,6 +16,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
+from tripod_sim.forces.term_kernels import add_pair
 from tripod_sim.springs.cg_kernels import Sweep, conjugate_gradients, prepare
 from tripod_sim.springs.linear_kernels import Factor, assemble, factorise, solve_direct
 from tripod_sim.springs.spring_kernels import Links, add_gradient, add_products, direction, tangents
@@ -87,6 +88,16 @@ class Work(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
+def _square(x: Array, body: Problem) -> float:
+    """Return the square of the norm of what free nodes have of `x`, (n, 3)."""
+    total = 0.0
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        total += x[n, 0] * x[n, 0] + x[n, 1] * x[n, 1] + x[n, 2] * x[n, 2]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def evaluate(x: Array, w: Array, s: float, body: Problem, work: Work) -> tuple[float, float]:
     """Write dPhi/dx' to `work.g` (of free nodes) at x' = `x`, v' = `w`; return Phi [J] and the norm of `g` [N]."""
     g, u = work.g, work.u
@@ -102,18 +113,14 @@ def evaluate(x: Array, w: Array, s: float, body: Problem, work: Work) -> tuple[f
     phi += add_gradient(x, body.links, rate, work.reference, g)
     if body.rayleigh > 0.0:
         phi += s * add_products(body.links.ends, work.lagged, w, body.rayleigh, g)
-    square = 0.0
-    for k in range(body.free.shape[0]):
-        n = body.free[k]
-        square += g[n, 0] * g[n, 0] + g[n, 1] * g[n, 1] + g[n, 2] * g[n, 2]
-    return phi, np.sqrt(square)
+    return phi, np.sqrt(_square(g, body))
 
 
 @njit(cache=True, error_model="numpy")
-def renew(x: Array, s: float, project: bool, body: Problem, A: Factor, options: Options, work: Work) -> bool:
-    """Prepare to solve with the Hessian at `x`; return whether it is positive definite, as far as can be told."""
-    links, blocks = body.links, work.blocks
-    tangents(x, links, 1.0 / s if body.damped else 0.0, work.reference, project, blocks)
+def write_blocks(x: Array, s: float, project: bool, body: Problem, work: Work) -> None:
+    """Write the springs' part of the Hessian at `x` to `work.blocks`, that of the nodes to `work.weight`."""
+    blocks = work.blocks
+    tangents(x, body.links, 1.0 / s if body.damped else 0.0, work.reference, project, blocks)
     if body.rayleigh > 0.0:
         factor = body.rayleigh / s
         for m in range(blocks.shape[0]):
@@ -122,27 +129,31 @@ def renew(x: Array, s: float, project: bool, body: Problem, A: Factor, options: 
     for k in range(body.free.shape[0]):
         n = body.free[k]
         work.weight[n] = body.mass[n] * (1.0 / s + body.drag) / s
+
+
+@njit(cache=True, error_model="numpy")
+def renew(x: Array, s: float, project: bool, body: Problem, A: Factor, options: Options, work: Work) -> bool:
+    """Prepare to solve with the Hessian at `x`; return whether it is positive definite, as far as can be told."""
+    write_blocks(x, s, project, body, work)
+    ends = body.links.ends
     if not options.direct:
-        return prepare(links.ends, blocks, work.weight, body.free, body.number, work.sweep)
-    assemble(links.ends, blocks, work.weight, body.free, body.number, A.slots)
+        return prepare(ends, work.blocks, work.weight, body.free, body.number, work.sweep)
+    assemble(ends, work.blocks, work.weight, body.free, body.number, A.slots)
     return factorise(A) == 0
 
 
 @njit(cache=True, error_model="numpy")
-def solve_step(s: float, first: bool, body: Problem, A: Factor, options: Options, work: Work) -> int:
-    """Write p = -H^-1 g; return the conjugate gradients' iterations, 1 for a direct solve, -1 where it failed.
+def solve_as_prepared(load: Array, body: Problem, A: Factor, options: Options, work: Work, out: Array) -> int:
+    """Write -H^-1 `load` of free nodes, (n, 3), H as `renew` prepared it last; conjugate gradients begin with `out`.
 
-    The `first` solve of a stage begins with the guess.
+    Returns:
+        Their iterations, 1 for a direct solve, -1 where it failed.
     """
     if options.direct:
-        solve_direct(A, work.g, body.free, work.p)
+        solve_direct(A, load, body.free, out)
         return 1
-    for k in range(body.free.shape[0]):
-        n = body.free[k]
-        for i in range(3):
-            work.p[n, i] = s * (work.guess[n, i] - work.w[n, i]) if first else 0.0
     limit = 1000 + 12 * body.free.shape[0]
-    return conjugate_gradients(work.sweep, work.g, body.free, options.linear_tolerance, limit, work.p)
+    return conjugate_gradients(work.sweep, load, body.free, options.linear_tolerance, limit, out)
 
 
 @njit(cache=True, error_model="numpy")
@@ -223,7 +234,11 @@ def solve_stage(
             counts[1] += 1.0
             if not renew(x, s, attempt == 1, body, A, options, work):
                 continue
-            taken = solve_step(s, iterations == 0, body, A, options, work)
+            for k in range(body.free.shape[0]):
+                n = body.free[k]
+                for i in range(3):  # the first solve of a stage begins with the guess
+                    work.p[n, i] = s * (work.guess[n, i] - work.w[n, i]) if iterations == 0 else 0.0
+            taken = solve_as_prepared(work.g, body, A, options, work, work.p)
             if taken >= 0:
                 break
         if taken < 0:
@@ -269,42 +284,22 @@ def add_rates(y: Array, s: float, body: Problem, work: Work, out: Array) -> None
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         _, n0, n1, n2 = direction(work.x, i, j)
-        pull = (
-            links.damping[m]
-            / s
-            * (n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2]))
-        )
-        for c, force in enumerate((pull * n0, pull * n1, pull * n2)):
-            out[i, c] += force
-            out[j, c] -= force
+        along = n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2])
+        pull = links.damping[m] / s * along
+        add_pair(out, i, j, pull * n0, pull * n1, pull * n2)
     if body.rayleigh > 0.0:
         add_products(links.ends, work.lagged, y, body.rayleigh / s, out)
 
 
 @njit(cache=True, error_model="numpy")
-def _solve_as_prepared(
-    load: Array, body: Problem, A: Factor, options: Options, work: Work, out: Array
-) -> None:
-    """Write -H^-1 `load` of free nodes, H as `renew` prepared it last; NaN where conjugate gradients fail.
+def _answer(load: Array, body: Problem, A: Factor, options: Options, work: Work, out: Array) -> None:
+    """Write -H^-1 `load` as `solve_as_prepared` does, from zero; NaN where conjugate gradients fail.
 
     At the end of a stage, where its potential is least, they do not: H is definite there.
     """
-    if options.direct:
-        solve_direct(A, load, body.free, out)
-        return
     out[:] = 0.0
-    limit = 1000 + 12 * body.free.shape[0]
-    if conjugate_gradients(work.sweep, load, body.free, options.linear_tolerance, limit, out) < 0:
+    if solve_as_prepared(load, body, A, options, work, out) < 0:
         out[:] = np.nan
-
-
-@njit(cache=True, error_model="numpy")
-def _square(x: Array, body: Problem) -> float:
-    total = 0.0
-    for k in range(body.free.shape[0]):
-        n = body.free[k]
-        total += x[n, 0] * x[n, 0] + x[n, 1] * x[n, 1] + x[n, 2] * x[n, 2]
-    return total
 
 
 @njit(cache=True, error_model="numpy")
@@ -339,13 +334,7 @@ def solve_at_end(
                 if renew(work.x, s, attempt == 1, body, A, options, work):
                     break
             work.kept[0] = s if keep and options.direct else 0.0
-        tangents(
-            work.x, body.links, 1.0 / s if body.damped else 0.0, work.reference, body.links.slack, work.blocks
-        )
-        if body.rayleigh > 0.0:
-            for m in range(work.blocks.shape[0]):
-                for c in range(6):
-                    work.blocks[m, c] += body.rayleigh / s * work.lagged[m, c]
+        write_blocks(work.x, s, body.links.slack, body, work)
     y, load, move, residual, part = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
     load[:] = 0.0
     for k in range(body.free.shape[0]):
@@ -353,7 +342,7 @@ def solve_at_end(
         for i in range(3):
             y[n, i] = b[3 * k + i] / work.weight[n]
     add_products(body.links.ends, work.blocks, y, 1.0, load)
-    _solve_as_prepared(load, body, A, options, work, move)
+    _answer(load, body, A, options, work, move)
     before, enough = np.inf, REFINED**2 * _square(load, body)
     for _ in range(MOST_REFINEMENTS):
         for n in range(load.shape[0]):
@@ -364,7 +353,7 @@ def solve_at_end(
         if not enough < square < before:
             break
         before = square
-        _solve_as_prepared(residual, body, A, options, work, part)
+        _answer(residual, body, A, options, work, part)
         for k in range(body.free.shape[0]):
             n = body.free[k]
             for i in range(3):
