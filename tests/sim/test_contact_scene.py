@@ -38,6 +38,13 @@ def test_cloth_comes_to_rest_and_keeps_its_distance(scene: str, response: str) -
     assert (fallen - simulation.positions[:, 2]).max() > 0.1
 
 
+@pytest.mark.parametrize("dt", [0.005, 0.008, 0.01])
+def test_free_fall_takes_two_solves_a_step_whatever_is_rounded_off(dt: float) -> None:
+    """Two end where only rounding is left of forces: slopes along a further step have any sign."""
+    simulation = Simulation(load_scene("drape", [f"dt={dt}"]))
+    assert [simulation.step().iterations for _ in range(8)] == [2] * 8
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 @pytest.mark.parametrize("response", MODES)
 def test_the_shipped_drape_ends_its_bounces_and_stays_at_rest(response: str, restitution: float) -> None:

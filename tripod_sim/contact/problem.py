@@ -56,6 +56,9 @@ class StepProblem:
     """Shares of a step that are tried; slope at its end over that at its start; and how much shorter than the one
     before a step is for the factorisation to serve on."""
 
+    NOTHING = 1e-4
+    """Share of the rounding of the potential below which its fall along a step is nothing: slopes are rounding, too."""
+
     def __init__(self, bodies: list[Body], contacts: ContactSet) -> None:
         self._bodies, self._contacts = bodies, contacts
         first = np.cumsum([0, *[b.unknowns for b in bodies]]).tolist()
@@ -279,9 +282,8 @@ class StepProblem:
             lower = self._evaluate(trial, after)
             there = dot(after, p) if np.isfinite(lower) else -np.inf
             lowers = lower <= phi - 1e-4 * scale * slope + rounding
-            if lowers and (
-                -self.PAST * slope <= there <= self.PAST * slope or (not tries and there > 0.0) or tries > 4
-            ):
+            level = -self.PAST * slope <= there <= self.PAST * slope or slope <= self.NOTHING * rounding
+            if lowers and (level or (not tries and there > 0.0) or tries > 4):
                 u[:], r[:] = trial, after
                 return scale, lower
             if lowers and there > 0.0:
