@@ -1,14 +1,19 @@
 """What moves in a step with contact: each body is a potential in its unknowns."""
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.looking_back import Stage
 from tripod_sim.state import State
 
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.forces.strain_bound import StrainBound
 
-class Body(Protocol):
+
+class Body:
     """The potential of one stage of an implicit scheme in a body's unknowns u, the moves over the stage.
+
+    What a body says nothing of does nothing.
 
     Attributes:
         unknowns: Their number.
@@ -24,12 +29,12 @@ class Body(Protocol):
     given: Any
     pattern: Any
     reach: Any
-    looked_back: bool
-    served: bool
+    looked_back = served = False
 
     @property
     def lasting(self) -> bool:
         """Whether the Hessian of a step may serve in the next."""
+        return True
 
     def keep(self) -> None:
         """Remember the present state, for `recall`."""
@@ -39,6 +44,7 @@ class Body(Protocol):
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return the arrays that the next stage may look back on."""
+        return ()
 
     def begin(self, stage: Stage) -> None:
         """Prepare a stage from the body's present state."""
@@ -48,6 +54,7 @@ class Body(Protocol):
 
     def add(self, u: FloatArray, out: FloatArray) -> float:
         """Add the gradient at `u` [N, N m] to `out`; return the potential [J]. Both of shape (unknowns,)."""
+        return 0.0
 
     def hessian(self, u: FloatArray, *, project: bool) -> None:
         """Write the Hessian at `u` into `pattern.data`; `project` makes it positive definite."""
@@ -68,19 +75,19 @@ class Body(Protocol):
         """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""
 
 
-class Nodes(Body, Protocol):
+class Nodes(Body):
     """A deformable body, whose surface's vertices follow its unknowns.
 
     Attributes:
         base, width: First unknown of each vertex, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
         held: Along which axes each vertex does not yield, whatever presses it, shape (k, 3).
-        bounded: Whether strains are.
+        bound: Of their strains; None without one.
     """
 
     base: Any
     width: Any
     held: Any
-    bounded: bool
+    bound: "StrainBound | None"
 
     def load(self, state: State, joints: FloatArray, dt: float) -> None:
         """Begin a step of `dt` [s] from `state`, in which driven frames move to `joints`."""
@@ -97,17 +104,34 @@ class Nodes(Body, Protocol):
     def ends(self, u: FloatArray, out: FloatArray) -> None:
         """Write where the vertices are after the moves `u` [m], shape (k, 3)."""
 
+    def moved(self, u: FloatArray) -> FloatArray:
+        """Return where all nodes are after the moves `u` [m], shape (n, 3), a view that the next call overwrites."""
+        raise NotImplementedError
+
+    def anew(self) -> None:
+        """Drop what is known of the potential at some moves: the bound of strains has changed."""
+
     def exceeds(self, u: FloatArray) -> bool:
         """Return whether strains after the moves `u` are larger than their bound."""
+        return self.bound is not None and self.bound.exceeded(self.moved(u))
 
     def taut(self) -> bool:
         """Return whether their bound pulls."""
+        return self.bound is not None and self.bound.pulls
 
     def tighten(self) -> None:
         """Stiffen what bounds the strains."""
+        if self.bound:
+            self.bound.harden()
+            self.anew()
 
     def settle(self, u: FloatArray) -> float:
         """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
+        if not self.bound:
+            return 0.0
+        error = self.bound.settle(self.moved(u))
+        self.anew()
+        return error
 
     def add_reactions(self, forces: FloatArray) -> None:
         """Tell servos, and what else holds nodes, what forces on the vertices [N], shape (k, 3), ask of them."""

@@ -5,11 +5,12 @@ from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import rigid_kernels as kernels
+from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.integrators.looking_back import Memory, Stage
 
 
-class RigidBodies:
+class RigidBodies(Body):
     """Rigid bodies under gravity: translation u_c and rotation vector u_r of each, in world.
 
         m |u_c - w_c - s (v_0 + s g)|² / (2 s²) + |u_r - t|²_I / (2 s²)
@@ -46,8 +47,7 @@ class RigidBodies:
         self.rotation = np.tile(np.eye(3), (b, 1, 1))
         self.unknowns, self.given = 6 * b, np.zeros(0, dtype=np.int64)
         self.reach = np.ones(6 * b)  # until their surfaces are known
-        self.lasting, self.served = True, False
-        self.looked_back, self._stage = False, Stage(1.0, 1.0)
+        self._stage = Stage(1.0, 1.0)
         self._inverse = np.linalg.inv(self.inertia)
         self._world, self._aim, self._way, self._known = np.zeros((b, 3, 3)), *np.zeros((3, b, 6))
         self._momentum, self._moved = np.zeros((2, b, 6))  # velocity and L; moves of the last stage

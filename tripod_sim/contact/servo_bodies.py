@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.rigid_shapes import box
 from tripod_sim.contact.solid_nodes import HELD
 from tripod_sim.contact.surfaces import Part
@@ -21,16 +22,14 @@ SIZE = (0.0118, 0.0225, 0.0227)
 """Width, length along the axis, and height of the body of an SG90 [m]; its axis lies in the middle of its top."""
 
 
-class ServoBodies:
+class ServoBodies(Body):
     """Boxes with three unknowns each, all of which are given (see `bodies.Body`).
 
     Attributes:
         parts: Their surfaces where the slide is 0, in world.
         base: First unknown of each vertex, shape (8 s,).
-        unknowns, given, pattern, reach, looked_back, served, lasting: See `Body`.
+        unknowns, given, pattern, reach: See `Body`.
     """
-
-    lasting = True
 
     def __init__(self, parts: list[Part], inward: FloatArray, slide: float) -> None:
         """`inward`: where a positive slide moves each, unit vectors, shape (s, 3); `slide`: at the start [m]."""
@@ -45,7 +44,6 @@ class ServoBodies:
             self.pattern.indices == np.repeat(self.given, np.diff(self.pattern.indptr))
         )
         self.reach = np.ones(self.unknowns)
-        self.looked_back = self.served = False
         self._slide, self._left, self._goal, self._rate, self._length = slide, 0.0, slide, 0.0, 0.0
         self._kept, self._next, self._way = (slide, 0.0), (slide, 0.0), np.zeros(self.unknowns)
 
@@ -79,10 +77,6 @@ class ServoBodies:
         """Return to it."""
         self._slide, self._left = self._kept
 
-    def past(self) -> tuple[FloatArray, ...]:
-        """Return nothing: no stage looks back on them."""
-        return ()
-
     def begin(self, stage: Stage) -> None:
         """Prepare a stage."""
         left = self._left - stage.length
@@ -95,13 +89,6 @@ class ServoBodies:
         """Write the moves of the stage."""
         u[:] = self._way
 
-    def add(self, u: FloatArray, out: FloatArray) -> float:
-        """Return no potential: nothing depends on them."""
-        return 0.0
-
-    def hessian(self, u: FloatArray, *, project: bool) -> None:
-        """Leave `pattern` as it is."""
-
     def rate_at_start(self, out: FloatArray) -> None:
         """Write the velocities over the stage."""
         out[:] = self._way / self._length if self._length else 0.0
@@ -113,9 +100,6 @@ class ServoBodies:
     def give(self, out: FloatArray) -> None:
         """Write 0: nothing moves them."""
         out[:] = 0.0
-
-    def stop(self) -> None:
-        """Have no velocity to be taken."""
 
     def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
         """Let the moves be made."""

@@ -16,6 +16,7 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact import group_kernels
+from tripod_sim.contact.bodies import Nodes
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.integrators.stage import ImplicitStage
@@ -35,7 +36,7 @@ ROOM = 1e6
 """Square of how much more unbalanced than the tolerance modes may be at last."""
 
 
-class SolidNodes:
+class SolidNodes(Nodes):
     """The solid as a body of a step with contact (see `bodies.Body`).
 
     Attributes:
@@ -45,7 +46,7 @@ class SolidNodes:
         base, width: First unknown of each of them, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
         held: Along which axes each of them does not yield, shape (k, 3).
         given, reach: See `Body`.
-        bounded: Whether strains are: where there are springs and a limit.
+        bound: Of strains, where there are springs and a limit.
         looked_back: Whether the next stage may look back on the last.
         served: See `Body`.
     """
@@ -71,13 +72,12 @@ class SolidNodes:
         """
         self._stage, self._system, self._mass, self.nodes = stage, stage.newton.system, mass, nodes
         system, r = self._system, self._system.reduction
-        self._tolerance, self._near, self._bound = tolerance**2, near, bound
-        self.bounded = self._bound is not None
+        self._tolerance, self._near, self.bound = tolerance**2, near, bound
         kind = r.kind[nodes]
         self._arms = np.flatnonzero(kind == Kind.DRIVEN)
         self._driven = np.flatnonzero(np.isin(nodes, system.driven) & (kind != Kind.FREE))
         self.base, self.width = r.base[nodes].copy(), np.where(kind == Kind.RIGID, 6, 3)
-        self._own, self.looked_back = r.unknowns, False
+        self._own = r.unknowns
         self.base[self._driven] = r.unknowns + 3 * np.arange(len(self._driven))
         self.unknowns = r.unknowns + 3 * len(self._driven)
         self.given = np.concatenate([r.pinned, np.arange(r.unknowns, self.unknowns)])
@@ -105,7 +105,7 @@ class SolidNodes:
         self._memory: Memory | None = None
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
         self._kept: tuple[State, float] | None = None
-        self._projected = self._hold = self.served = False
+        self._projected = self._hold = False
         self._along, self._answers = (
             system.another_linear(),
             False,
@@ -125,7 +125,7 @@ class SolidNodes:
     @property
     def lasting(self) -> bool:
         """Whether the Hessian of a step may serve in the next: not where the damping is that of its start."""
-        return not (self._projected or self._hold or self._bound)
+        return not (self._projected or self._hold or self.bound)
 
     # what the stepper asks --------------------------------------------------------------------------------------------
 
@@ -145,8 +145,8 @@ class SolidNodes:
     def forget(self) -> None:
         """Drop what was kept from earlier steps: the tensions at the bound too."""
         self._stage.newton.forget()
-        if self._bound:
-            self._bound.relax()
+        if self.bound:
+            self.bound.relax()
         self._at[:] = np.nan
         self._hold = self._projected = False
 
@@ -171,6 +171,10 @@ class SolidNodes:
         positions[:] = start.positions[self.nodes]
         group = self._system.reduction.number[self.nodes[self._rigid]]
         arm[self._rigid] = positions[self._rigid] - start.centres[group]
+
+    def anew(self) -> None:
+        """Drop what is known of the potential at some moves."""
+        self._at[:] = np.nan
 
     def keep(self) -> None:
         """Remember the present state."""
@@ -267,9 +271,9 @@ class SolidNodes:
 
     def ends(self, u: FloatArray, out: FloatArray) -> None:
         """Write where the surface's vertices are after the moves `u` [m], shape (k, 3)."""
-        out[:] = self._moved(u)[self.nodes]
+        out[:] = self.moved(u)[self.nodes]
 
-    def _moved(self, u: FloatArray) -> FloatArray:
+    def moved(self, u: FloatArray) -> FloatArray:
         """Return where all nodes are after the moves `u` [m], shape (n, 3)."""
         assert self._trial is not None
         if not same(u, self._at):
@@ -317,28 +321,6 @@ class SolidNodes:
             k = first + 6 * b
             out[k : k + 3], out[k + 3 : k + 6] = 1 / m.sum(), np.trace(np.linalg.inv(inertia)) / 3
         out[self.given] = 0.0
-
-    def exceeds(self, u: FloatArray) -> bool:
-        """Return whether springs are longer than their bound after the moves `u`."""
-        return self._bound is not None and self._bound.exceeded(self._moved(u))
-
-    def taut(self) -> bool:
-        """Return whether the bound of strains pulls."""
-        return self._bound is not None and self._bound.pulls
-
-    def tighten(self) -> None:
-        """Stiffen the bound of strains."""
-        if self._bound:
-            self._bound.harden()
-            self._at[:] = np.nan
-
-    def settle(self, u: FloatArray) -> float:
-        """Give the bound of strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
-        if not self._bound:
-            return 0.0
-        error = self._bound.settle(self._moved(u))
-        self._at[:] = np.nan
-        return error
 
     def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
         """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""

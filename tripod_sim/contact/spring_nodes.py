@@ -1,46 +1,37 @@
 """A body of springs among bodies in contact: the potential of an implicit stage in the moves of its free nodes."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.contact.bodies import Nodes
 from tripod_sim.integrators.looking_back import Memory, Stage
+from tripod_sim.springs.implicit import problem_of, work_of
+from tripod_sim.springs.implicit_kernels import write_blocks
 from tripod_sim.springs.linear_kernels import Slots, assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
+from tripod_sim.system_kernels import dot
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.strain_bound import StrainBound
 
 
-class _SpringPast(NamedTuple):
-    """What the next stage may look back on: the last moves [m], lengths and velocities."""
-
-    change: FloatArray
-    length: Memory
-    velocity: Memory
-
-    @classmethod
-    def of(cls, nodes: int, springs: int) -> "_SpringPast":
-        return cls(np.zeros((nodes, 3)), Memory((springs,)), Memory((nodes, 3)))
-
-
-class SpringNodes:
-    """The free nodes of a spring body, with damping (see `springs.implicit_kernels`).
+class SpringNodes(Nodes):
+    """The free nodes of a spring body, with damping.
 
     With d = u - w the way from where the stage looks back, w = z - x (see `integrators.looking_back`),
 
         M |d - s u_0|² / (2 s²) + a M |d|² / (2 s) + b / (2 s) d^T K_n d + E(x + u) + D(x + u) - F . u
 
-    (u_0 what is known of the velocity) and, with a limit of strains, that of the springs beyond their bound (see
-    `forces.strain_bound`).
+    (u_0 what is known of the velocity; the rest as in `springs.implicit_kernels`) and, with a limit of strains, that of
+    the springs beyond their bound (see `forces.strain_bound`).
 
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the stage, shape (n, 3).
-        base, width, held, bounded, given, reach, looked_back: See `Nodes` and `Body`.
-        weight: M/s² + a M/s of each node [N/m], shape (n,).
+        base, width, held, bound, given, reach, looked_back: See `Nodes` and `Body`.
     """
 
     def __init__(
@@ -53,8 +44,8 @@ class SpringNodes:
     ) -> None:
         """`drag`: a of the force -a M v [1/s]; `rayleigh`: b of the force -b K v [s]; `bound`: of strains."""
         body = system.body
-        self._system, self._drag, self._rayleigh, self._bound = system, drag, rayleigh, bound
-        self.bounded = bound is not None
+        self._problem = problem_of(system, drag=drag, rayleigh=rayleigh, moving=True)
+        self.bound = bound
         self.unknowns, self._free = system.unknowns, body.free
         self.reach = np.ones(self.unknowns)
         sides = body.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(
@@ -64,16 +55,27 @@ class SpringNodes:
         self._slots = Slots(self.pattern.data, diagonal, off)
         self.base = np.where(system.number >= 0, 3 * system.number, -1)
         self.width, self.held = np.full(len(self.base), 3), np.repeat(self.base[:, None] < 0, 3, axis=1)
-        self.given, self.looked_back = np.zeros(0, dtype=np.int64), False
-        self.served = self.lasting = False  # springs turn and go slack
-        n, m = len(body.nodes), len(body.ends)
-        self.x, self.v, self._move, self._at, self._g, self._aim = np.zeros((6, n, 3))
-        (self._blocks, self._lagged), (self._lengths, self._reference) = np.zeros((2, m, 6)), np.zeros((2, m))
-        self.weight, self._inertia, self._stage = np.zeros(n), np.zeros(n), Stage(1.0, 1.0)
-        self._damped, self._rate = bool((body.damping > 0).any()), 0.0
-        self._way: FloatArray | None = None
-        self._past: _SpringPast | None = None
-        self._kept: tuple[FloatArray, FloatArray] | None = None
+        self.given = np.zeros(0, dtype=np.int64)
+        n, size = len(body.nodes), 6 * len(body.nodes) + len(body.ends)
+        self._now, self._known = np.zeros((2, size))  # positions, velocities, lengths
+        self._memory = Memory((size,))
+        self.x, self.v, self._lengths = self._parts(self._now)
+        z, v, reference = self._parts(self._known)
+        self._work = work_of(system, iterates=False)._replace(z=z, u=v, reference=reference)
+        self._at, self._ways = np.zeros((2, n, 3))
+        self._mass, self._force = np.repeat(system.mass[self._free], 3), system.force[self._free].ravel()
+        self._way, self._aim = np.zeros((2, self.unknowns))  # w and w + s u_0
+        self._stage, self._kept = Stage(1.0, 1.0), self._now
+
+    @property
+    def lasting(self) -> bool:
+        """Whether the Hessian of a step may serve in the next: no, springs turn and go slack."""
+        return False
+
+    def _parts(self, of: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return positions, velocities and lengths of what `Memory` takes as one, views."""
+        n = len(self.base)
+        return of[: 3 * n].reshape(n, 3), of[3 * n : 6 * n].reshape(n, 3), of[6 * n :]
 
     def load(self, state: State, joints: FloatArray, dt: float) -> None:
         """Begin a step from `state`."""
@@ -85,8 +87,8 @@ class SpringNodes:
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps: the tensions at the bound."""
-        if self._bound:
-            self._bound.relax()
+        if self.bound:
+            self.bound.relax()
 
     def place(self, positions: FloatArray, arm: FloatArray) -> None:
         """Write where the nodes are."""
@@ -103,142 +105,95 @@ class SpringNodes:
 
     def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
         """Write the velocities of free nodes after the moves `u`."""
-        out[:] = u if self._way is None else u - self._way[self._free].ravel()
+        np.subtract(u, self._way, out=out)
         out /= self._stage.s
 
     def give(self, out: FloatArray) -> None:
         """Write 1 / mass of each unknown, with its damping."""
-        s = self._stage.s
-        out[:] = np.repeat(1 / (s * s * self.weight[self._free]), 3)
+        out[:] = 1 / (self._mass * (1.0 + self._problem.drag * self._stage.s))
 
-    def exceeds(self, u: FloatArray) -> bool:
-        """Return whether springs are longer than their bound after the moves `u`."""
-        self._place(u)
-        return self._bound is not None and self._bound.exceeded(self._at)
-
-    def taut(self) -> bool:
-        """Return whether the bound of strains pulls."""
-        return self._bound is not None and self._bound.pulls
-
-    def tighten(self) -> None:
-        """Stiffen the bound of strains."""
-        if self._bound:
-            self._bound.harden()
-
-    def settle(self, u: FloatArray) -> float:
-        """Give the bound of strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
-        self._place(u)
-        return self._bound.settle(self._at) if self._bound else 0.0
+    def moved(self, u: FloatArray) -> FloatArray:
+        """Return where all nodes are after the moves `u` [m], shape (n, 3)."""
+        self.ends(u, self._at)
+        return self._at
 
     def keep(self) -> None:
         """Remember `x` and `v`."""
-        self._kept = self.x.copy(), self.v.copy()
+        self._kept = self._now.copy()
 
     def recall(self) -> None:
         """Return to them."""
-        assert self._kept
-        self.x[:], self.v[:] = self._kept
+        self._now[:] = self._kept
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""
-        if not (past := self._past):
-            return ()
-        return past.change, past.length.change, past.length.rate, past.velocity.change, past.velocity.rate
+        return self._memory.change, self._memory.rate
 
     def stop(self) -> None:
         """Take all velocities."""
         self.v[:] = 0.0
 
-    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
-        """Let the moves be made."""
-        after, free = u.copy(), self._free
-        self.rate_at_end(u, after)
-        if kick is not None:
-            after += kick
-        if self.looked_back:
-            past = self._past = self._past or _SpringPast.of(len(self.x), len(self._reference))
-            self._place(u)
-            past.change[:] = self._move
-            after_lengths = np.empty_like(self._lengths)
-            lengths(self._at, self._system.links, after_lengths)
-            past.length.note(self._lengths, self._reference, after_lengths, self._stage)
-            known = (
-                self._aim / self._stage.s if self._way is None else (self._aim - self._way) / self._stage.s
-            )
-            velocity = np.zeros_like(self.v)
-            velocity[free] = after.reshape(-1, 3)
-            past.velocity.note(self.v, known, velocity, self._stage)
-        self.x[free] += u.reshape(-1, 3)
-        self.v[free] = after.reshape(-1, 3)
-
-    def add_reactions(self, forces: FloatArray) -> None:
-        """There are no servos, and nobody asks what holds nodes."""
-
     def begin(self, stage: Stage) -> None:
         """Prepare a stage from `x` and `v`."""
-        system, s = self._system, stage.s
-        self._stage = stage
-        if self._bound:
-            self._bound.aim(s)
-        np.divide(system.mass, s * s, out=self._inertia)
-        np.multiply(system.mass, self._drag / s, out=self.weight)
-        self.weight += self._inertia
-        self._rate = 1.0 / s if self._damped else 0.0
-        lengths(self.x, system.links, self._lengths)
-        self._reference[:] = self._lengths
-        if self._rayleigh:
-            tangents(self.x, system.links, 0.0, self._reference, True, self._lagged)
-        if stage.begins:
-            self._way = None
-            np.multiply(self.v, s, out=self._aim)
-            return
-        assert self._past
-        past = self._past
-        way = self._way = stage.back * past.change + stage.lead * self.v
-        past.velocity.known(self.v, stage, self._aim)
-        self._aim *= s
-        self._aim += way
-        past.length.known(self._lengths, stage, self._reference)
+        self._stage, links = stage, self._problem.links
+        if self.bound:
+            self.bound.aim(stage.s)
+        lengths(self.x, links, self._lengths)
+        self._memory.known(self._now, stage, self._known)
+        self._way[:] = (self._work.z - self.x)[self._free].ravel()
+        self._aim[:] = self._way + stage.s * self._work.u[self._free].ravel()
+        if self._problem.rayleigh:
+            tangents(self.x, links, 0.0, self._lengths, True, self._work.lagged)
 
     def guess(self, u: FloatArray) -> None:
         """Write the moves of a stage without forces."""
-        u[:] = self._aim[self._free].ravel()
-
-    def _place(self, u: FloatArray) -> None:
-        self._move[self._free] = u.reshape(-1, 3)
-        np.add(self.x, self._move, out=self._at)
+        u[:] = self._aim
 
     def add(self, u: FloatArray, out: FloatArray) -> float:
         """Add the gradient at `u` to `out`; return the potential."""
-        self._place(u)
-        s, g, d = self._system, self._g, self._move
-        np.subtract(d, self._aim, out=g)
-        way = d if self._way is None else d - self._way
-        phi = 0.5 * float(self._inertia @ np.einsum("ni,ni->n", g, g))
-        g *= self._inertia[:, None]
-        if self._drag:
-            extra = self.weight - self._inertia
-            phi += 0.5 * float(extra @ np.einsum("ni,ni->n", way, way))
-            g += extra[:, None] * way
-        g -= s.force
-        phi -= float(np.vdot(s.force, d))
-        phi += float(add_gradient(self._at, s.links, self._rate, self._reference, g))
-        if self._rayleigh:
-            phi += float(add_products(s.body.ends, self._lagged, way, self._rayleigh / self._stage.s, g))
-        if self._bound:
-            phi += float(add_gradient(self._at, self._bound.links, 0.0, self._reference, g))
-        out += g[self._free].ravel()
-        return phi
+        body, work, s, free = self._problem, self._work, self._stage.s, self._free
+        off, way = u - self._aim, u - self._way  # as differences of moves they lose no digits
+        g = off * (self._mass / (s * s))
+        phi = 0.5 * dot(off, g) - dot(self._force, u)
+        if body.drag:
+            drag = self._mass * (body.drag / s) * way
+            phi += 0.5 * dot(drag, way)
+            g += drag
+        g -= self._force
+        work.g[free] = g.reshape(-1, 3)
+        phi += add_gradient(
+            self.moved(u), body.links, 1.0 / s if body.damped else 0.0, work.reference, work.g
+        )
+        if body.rayleigh:
+            self._ways[free] = way.reshape(-1, 3)
+            phi += add_products(body.links.ends, work.lagged, self._ways, body.rayleigh / s, work.g)
+        if self.bound:
+            phi += add_gradient(self._at, self.bound.links, 0.0, work.reference, work.g)
+        out += work.g[free].ravel()
+        return float(phi)
 
     def hessian(self, u: FloatArray, *, project: bool) -> None:
         """Write the Hessian at `u` into `pattern.data`."""
-        self._place(u)
-        s = self._system
-        tangents(self._at, s.links, self._rate, self._reference, project, self._blocks)
-        if self._rayleigh:
-            self._blocks += (self._rayleigh / self._stage.s) * self._lagged
-        if self._bound:
-            more = np.empty_like(self._blocks)
-            tangents(self._at, self._bound.links, 0.0, self._reference, project, more)
-            self._blocks += more
-        assemble(s.body.ends, self._blocks, self.weight, s.body.free, s.number, self._slots)
+        body, work = self._problem, self._work
+        blocks = work.blocks
+        write_blocks(self.moved(u), self._stage.s, project, body, work)
+        if self.bound:
+            more = np.empty_like(blocks)
+            tangents(self._at, self.bound.links, 0.0, work.reference, project, more)
+            blocks += more
+        assemble(body.links.ends, blocks, work.weight, body.free, body.number, self._slots)
+
+    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
+        """Let the moves be made."""
+        after = self._now.copy()
+        x, v, end = self._parts(after)
+        rate = np.empty_like(u)
+        self.rate_at_end(u, rate)
+        if kick is not None:
+            rate += kick
+        self.ends(u, x)
+        v[self._free] = rate.reshape(-1, 3)
+        if self.looked_back:
+            lengths(x, self._problem.links, end)
+            self._memory.note(self._now, self._known, after, self._stage)
+        self._now[:] = after

@@ -171,7 +171,7 @@ class World:
         self._looks_back, self.solved = scheme in ("bdf2", "tr_bdf2"), True
         for body in bodies:
             body.looked_back = self._looks_back
-        self._bounded = nodes[0] if nodes and nodes[0].bounded else None
+        self._bounded = nodes[0] if nodes and nodes[0].bound else None
         self.response = Response(
             law, self.problem, self.contacts, self._bounded, apart=rigid is not None or self.soft > 1
         )

@@ -32,28 +32,10 @@ class SpringSolver:
     def __init__(
         self, system: SpringSystem, options: kernels.Options, *, drag: float, rayleigh: float, moving: bool
     ) -> None:
-        body = system.body
-        n, m = len(body.nodes), len(body.ends)
-        size = float(np.abs(body.nodes).max())
-        rounding = 1e-15 * float(body.stiffness.max(initial=0.0)) * size * np.sqrt(m)
-        damped = moving and bool((body.damping > 0).any())
         self.system, self.options = system, options
-        self.problem = kernels.Problem(
-            system.links,
-            system.mass,
-            system.force,
-            body.free,
-            system.number,
-            drag,
-            rayleigh,
-            rounding,
-            damped,
-        )
+        self.problem = problem_of(system, drag=drag, rayleigh=rayleigh, moving=moving)
         self.factor = _factor(system, direct=options.direct)
-        scratch: list[Any] = [*np.zeros((6, n, 3)), *np.zeros((2, m, 6)), np.zeros(n), np.zeros(1)]
-        ends, count = (body.ends[:0], 0) if options.direct else (body.ends, len(body.free))
-        stage = [*np.zeros((2, n, 3)), np.zeros(m)]
-        self.work = kernels.Work._make([*scratch, sweep(ends, system.number, count), *stage])
+        self.work = work_of(system, iterates=not options.direct)
         self.counts = np.zeros(4)
 
     def solve(self, state: State, s: float, *, predict: bool) -> int:
@@ -78,6 +60,27 @@ class SpringSolver:
         solves, factorisations, iterations, residual = self.counts.tolist()
         self.counts[:3] = 0.0
         return NewtonReport(int(solves), int(factorisations), residual, linear_iterations=int(iterations))
+
+
+def problem_of(system: SpringSystem, *, drag: float, rayleigh: float, moving: bool) -> kernels.Problem:
+    """Return a body as the kernels take it; `moving`: whether its dampers count."""
+    body = system.body
+    size = float(np.abs(body.nodes).max())
+    rounding = 1e-15 * float(body.stiffness.max(initial=0.0)) * size * np.sqrt(len(body.ends))
+    damped = moving and bool((body.damping > 0).any())
+    return kernels.Problem(
+        system.links, system.mass, system.force, body.free, system.number, drag, rayleigh, rounding, damped
+    )
+
+
+def work_of(system: SpringSystem, *, iterates: bool) -> kernels.Work:
+    """Return scratch for a body; `iterates`: whether conjugate gradients solve."""
+    body = system.body
+    n, m = len(body.nodes), len(body.ends)
+    scratch: list[Any] = [*np.zeros((6, n, 3)), *np.zeros((2, m, 6)), np.zeros(n), np.zeros(1)]
+    ends, count = (body.ends, len(body.free)) if iterates else (body.ends[:0], 0)
+    stage = [*np.zeros((2, n, 3)), np.zeros(m)]
+    return kernels.Work._make([*scratch, sweep(ends, system.number, count), *stage])
 
 
 def _factor(system: SpringSystem, *, direct: bool) -> Factor:
