@@ -3,8 +3,7 @@
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.contact import start_kernels as kernels
-from tripod_sim.contact.broad_phase import Boxes, Tree
+from tripod_sim.contact.start import mark_passing
 from tripod_sim.contact.surfaces import Part, join
 
 
@@ -26,10 +25,8 @@ class Crossings:
         ways = np.stack([len(x) + np.arange(n), np.arange(n)], axis=1)
         self._lines = (
             (np.concatenate([edges[own_edge], ways]), triangles[~own_triangle]),
-            (np.ascontiguousarray(edges[~own_edge]), triangles[own_triangle]),
+            (edges[~own_edge], triangles[own_triangle]),
         )
-        self._boxes = [tuple(Boxes(shapes) for shapes in pair) for pair in self._lines]
-        self._trees = [Tree(target) for _, target in self._boxes]
 
     def found(self, x: FloatArray, *, straight: bool = True) -> bool:
         """Return whether the body passed through an obstacle on its way to `x` [m], shape (n, 3), or does so there.
@@ -43,14 +40,7 @@ class Crossings:
         if not straight:
             self._x[-n:] = x
         self._marked[:] = False
-        for (edges, triangles), (query, target), tree in zip(
-            self._lines, self._boxes, self._trees, strict=True
-        ):
-            if not len(edges) or not len(triangles):
-                continue
-            for boxes in (query, target):
-                boxes.sweep(self._x, self._x)
-            tree.update()
-            kernels.mark_passing(tree.pairs(query), edges, triangles, self._x, 0.0, self._marked)
+        for edges, triangles in self._lines:
+            mark_passing(edges, triangles, self._x, self._marked)
         self._x[-n:] = x
         return bool(self._marked.any())

@@ -62,7 +62,7 @@ class SpringNodes(Nodes):
         self.x, self.v, self._lengths = self._parts(self._now)
         z, v, reference = self._parts(self._known)
         self._work = work_of(system, iterates=False)._replace(z=z, u=v, reference=reference)
-        self._at, self._ways = np.zeros((2, n, 3))
+        self._at, self._moves, self._ways = np.zeros((3, n, 3))
         self._mass, self._force = np.repeat(system.mass[self._free], 3), system.force[self._free].ravel()
         self._way, self._aim = np.zeros((2, self.unknowns))  # w and w + s u_0
         self._stage, self._kept = Stage(1.0, 1.0), self._now
@@ -96,8 +96,8 @@ class SpringNodes(Nodes):
 
     def ends(self, u: FloatArray, out: FloatArray) -> None:
         """Write where the nodes are after the moves `u`."""
-        out[:] = self.x
-        out[self._free] += u.reshape(-1, 3)
+        self._moves[self._free] = u.reshape(-1, 3)
+        np.add(self.x, self._moves, out=out)
 
     def rate_at_start(self, out: FloatArray) -> None:
         """Write the velocities of free nodes."""

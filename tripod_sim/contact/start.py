@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.contact import start_kernels as kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
@@ -15,6 +15,23 @@ from tripod_sim.mesh.solid_mesh import names_of
 
 MOST_LIFTS = 60
 """Doublings of the lift, from the contact distance on."""
+
+
+def mark_passing(
+    edges: IndexArray, triangles: IndexArray, x: FloatArray, out: BoolArray, least: float = 0.0
+) -> None:
+    """Mark in `out`, shape (n,), the vertices at `x` [m] of edges and triangles that pass through each other.
+
+    `least`: by how far an edge must reach through the plane of a triangle on both sides [m].
+    """
+    if not len(edges) or not len(triangles):
+        return
+    query, target = Boxes(edges), Boxes(triangles)
+    for boxes in (query, target):
+        boxes.sweep(x, x)
+    tree = Tree(target)
+    tree.update()
+    kernels.mark_passing(tree.pairs(query), edges, triangles, x, least, out)
 
 
 def passing(body: Part, obstacles: list[Part]) -> IndexArray:
@@ -28,15 +45,7 @@ def passing(body: Part, obstacles: list[Part]) -> IndexArray:
     edges, triangles = surfaces.edges, surfaces.triangles
     own_edge, own_triangle = edges[:, 0] < n, triangles[:, 0] < n
     for mine, theirs in ((own_edge, ~own_triangle), (~own_edge, own_triangle)):
-        one, two = np.ascontiguousarray(edges[mine]), np.ascontiguousarray(triangles[theirs])
-        if not len(one) or not len(two):
-            continue
-        query, target = Boxes(one), Boxes(two)
-        for boxes in (query, target):
-            boxes.sweep(x, x)
-        tree = Tree(target)
-        tree.update()
-        kernels.mark_passing(tree.pairs(query), one, two, x, 0.0, marked)
+        mark_passing(edges[mine], triangles[theirs], x, marked)
     found = np.flatnonzero(marked[:n])
     if found.size:
         return found
@@ -73,12 +82,8 @@ def check_itself(body: Part, distance: float) -> None:
     if not body.self_contact or not len(body.triangles):
         return
     surfaces, x = join([body])
-    query, target = Boxes(surfaces.edges), Boxes(surfaces.triangles)
-    for boxes in (query, target):
-        boxes.sweep(x, x)
-    tree, marked = Tree(target), np.zeros(len(x), dtype=np.bool_)
-    tree.update()
-    kernels.mark_passing(tree.pairs(query), surfaces.edges, surfaces.triangles, x, THIN * distance, marked)
+    marked = np.zeros(len(x), dtype=np.bool_)
+    mark_passing(surfaces.edges, surfaces.triangles, x, marked, THIN * distance)
     if marked.any():
         raise SceneError(
             f"nodes {names_of(np.flatnonzero(marked))} of the body pass through the body itself at the start, and no "
