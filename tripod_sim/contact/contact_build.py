@@ -1,7 +1,7 @@
 """Scene to what all bodies in contact share: obstacles from files, the start of rigid bodies, the stepper."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -53,14 +53,37 @@ def upward(scene: Scene) -> FloatArray:
     return np.array([0.0, 0.0, 1.0])
 
 
-def place_rigid(rigid: "RigidSet", scene: Scene, contact: Contact, soft: list[tuple[str, Part]]) -> None:
-    """Refuse or lift rigid bodies that pass through obstacles, soft ones or each other. Raises SceneError."""
-    from tripod_sim.contact.rigid_start import place_bodies  # noqa: PLC0415 - an effect that is absent
+def touching(
+    scene: Scene,
+    contact: Contact,
+    soft: tuple[Nodes, list[Part]] | None,
+    placed: list[tuple[str, Part]],
+    mesh: Any,
+    skin: Any,
+) -> "tuple[Any, Any, RigidSet | None, ContactStepper]":
+    """Return mesh and skin with the rigid bodies of a scene, these, and what advances all bodies among the obstacles.
 
-    others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))] + soft
+    Args:
+        scene: What is described.
+        contact: Of the scene.
+        soft: The soft bodies as `World` takes them; None for none.
+        placed: Where they begin, by name, as far as that is known.
+        mesh, skin: Of soft bodies, may be None.
+
+    Raises:
+        SceneError: rigid bodies pass through obstacles, soft ones or each other, and may or can not be lifted.
+    """
+    if not rigids_of(scene):
+        return mesh, skin, None, contact_stepper(scene, contact, soft)
+    from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.contact.rigid_start import place_bodies  # noqa: PLC0415
+
+    rigid = rigid_set(scene)
+    others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))] + placed
     if led := _servo_bodies(scene):
         others += led.placed()
     place_bodies(rigid, others, upward(scene), contact.contact_distance, lifts=contact.start == "lift")
+    return *shown_with(rigid, mesh, skin), rigid, contact_stepper(scene, contact, soft, rigid)
 
 
 def _servo_bodies(scene: Scene) -> "ServoBodies | None":

@@ -44,16 +44,15 @@ def _shape(body: Rigid, field: str) -> Shape:
 
 def build_rigid(scene: Scene) -> "Parts":
     """Return the parts of a simulation of rigid bodies alone. Raises SceneError."""
-    from tripod_sim.contact.contact_build import contact_stepper, place_rigid  # noqa: PLC0415
+    from tripod_sim.contact.contact_build import touching  # noqa: PLC0415
     from tripod_sim.contact.rigid_set import RigidSystem  # noqa: PLC0415
     from tripod_sim.parts import Parts  # noqa: PLC0415 - it imports this module
 
     contact = contact_of(scene)
     assert contact
-    rigid = rigid_set(scene)
-    place_rigid(rigid, scene, contact, [])
-    stepper = contact_stepper(scene, contact, None, rigid)
-    return Parts(JoinedMesh(None, rigid), np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
+    mesh, _, rigid, stepper = touching(scene, contact, None, [], None, None)
+    assert rigid
+    return Parts(mesh, np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
 
 
 def shown_with(rigid: RigidSet, mesh: Any, skin: Any) -> tuple[JoinedMesh, "JoinedSkin | None"]:

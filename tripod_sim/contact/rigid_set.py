@@ -1,6 +1,7 @@
 """The rigid bodies of a scene: what they are, where they begin, where their surfaces are."""
 
 import zlib
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -46,6 +47,11 @@ class RigidSet:
     def parts(self) -> list[Part]:
         """The surfaces with which they touch, about their centres."""
         return [s.part for s in self.shapes]
+
+    def placed(self, number: int, state: RigidState) -> Part:
+        """Return the surface of one of them where it is."""
+        part, turned = self.shapes[number].part, state.rotations[number]
+        return replace(part, vertices=state.centres[number] + part.vertices @ turned.T)
 
     def vertices(self, state: RigidState) -> FloatArray:
         """Return where the vertices that show the bodies are [m], shape (k, 3)."""

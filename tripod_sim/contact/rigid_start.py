@@ -62,14 +62,12 @@ def place_bodies(
         SceneError: naming both, or no lift suffices.
     """
     placed = list(others)
-    for k, (shape, turned) in enumerate(zip(rigid.parts, rigid.start.rotations, strict=True)):
-        centre = rigid.start.centres[k]
-        here = replace(shape, vertices=centre + shape.vertices @ turned.T)
+    for k, field in enumerate(rigid.fields):
+        centre, here = rigid.start.centres[k], rigid.placed(k, rigid.start)
 
         def hit(part: Part) -> str:
             return next((name for name, other in placed if overlaps(part, other)), "")
 
-        field = rigid.fields[k]
         if not lifts and (name := hit(here)):
             raise SceneError(
                 f"{field} passes through {name} at the start, {field}.position is "
@@ -88,12 +86,11 @@ def place_bodies(
 
 def check_beside(rigid: RigidSet, soft: Part) -> None:
     """Raise SceneError if a rigid body passes through the soft one, where both begin."""
-    start = rigid.start
-    for k, (shape, centre, R) in enumerate(zip(rigid.parts, start.centres, start.rotations, strict=True)):
-        if overlaps(replace(shape, vertices=centre + shape.vertices @ R.T), soft):
+    for k, field in enumerate(rigid.fields):
+        if overlaps(rigid.placed(k, rigid.start), soft):
             raise SceneError(
-                f"{rigid.fields[k]} passes through the soft body, which the servos bring there at the start; move "
-                f"{rigid.fields[k]}, or change servos.angles"
+                f"{field} passes through the soft body, which the servos bring there at the start; move {field}, or "
+                "change servos.angles"
             )
 
 
@@ -109,13 +106,8 @@ def put_back(rigid: RigidSet, state: RigidState, number: int, beside: list[tuple
     Raises:
         SceneError: something is there now; `state` is as it was.
     """
-
-    def placed(k: int, of: RigidState) -> Part:
-        shape = rigid.parts[k]
-        return replace(shape, vertices=of.centres[k] + shape.vertices @ of.rotations[k].T)
-
-    here = placed(number, rigid.start)
-    others = [(rigid.fields[k], placed(k, state)) for k in range(len(rigid.parts)) if k != number]
+    here = rigid.placed(number, rigid.start)
+    others = [(field, rigid.placed(k, state)) for k, field in enumerate(rigid.fields) if k != number]
     for name, other in others + beside:
         if overlaps(here, other):
             raise SceneError(f"{rigid.fields[number]} cannot go back to where it begins: {name} is there now")

@@ -8,7 +8,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.bodies.soft_build import shown
-from tripod_sim.contact.contact_build import contact_stepper, obstacle_parts, place_rigid, upward
+from tripod_sim.contact.contact_build import obstacle_parts, touching, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, near_itself, passing
 from tripod_sim.contact.surfaces import Part
@@ -20,7 +20,6 @@ from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import rigids_of
 from tripod_sim.system import System
 
 MODES = 1e-3
@@ -110,7 +109,6 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     """
     scene, assembly, mass, inertia = draft.scene, draft.assembly, draft.inert, draft.inertia
     assert inertia
-    mesh, skin, _ = shown(assembly)
     found = surfaces(assembly, contact)
     for s in found:
         draft.notes += near_itself(s.part, contact.contact_distance, s.name)
@@ -119,16 +117,12 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
     near = contact.tolerance * contact.contact_distance
     nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, near, draft.bound)
-    rigid = None
-    if rigids_of(scene):
-        from tripod_sim.contact.rigid_build import rigid_set  # noqa: PLC0415 - an effect that is absent
-
-        rigid = rigid_set(scene)
-        there = [s for s in found if not (scene.servos and s.first == 0)]
-        alone = len(assembly.bodies) == 1
-        soft = [("the soft body" if alone else s.name, s.part) for s in there]
-        place_rigid(rigid, scene, contact, soft)
-    stepper = contact_stepper(scene, contact, (nodes, [s.part for s in found]), rigid)
+    there = [s for s in found if not (scene.servos and s.first == 0)]
+    alone = len(assembly.bodies) == 1
+    placed = [("the soft body" if alone else s.name, s.part) for s in there]
+    mesh, skin, rigid, stepper = touching(
+        scene, contact, (nodes, [s.part for s in found]), placed, *shown(assembly)[:2]
+    )
 
     def check_start_of(positions: FloatArray) -> None:
         """Name what passes through what where the servos have brought the first body."""
@@ -137,13 +131,9 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
         check_start(body, obstacle_parts(scene), name)
         check_apart(name, body, [(s.name, s.part) for s in found[1:]])
         if rigid:
+            from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415 - an effect that is absent
+
             check_beside(rigid, body)
 
     check = check_start_of if scene.servos else None
-    if not rigid:
-        return Parts(mesh, mass, system, stepper, skin=skin, check_start=check)
-    from tripod_sim.contact.rigid_build import shown_with  # noqa: PLC0415 - an effect that is absent
-    from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415
-
-    both, both_skin = shown_with(rigid, mesh, skin)
-    return Parts(both, mass, system, stepper, skin=both_skin, rigid=rigid, check_start=check)
+    return Parts(mesh, mass, system, stepper, skin=skin, rigid=rigid, check_start=check)

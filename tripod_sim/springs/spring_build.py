@@ -14,7 +14,7 @@ from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts, Stepper
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import FIRST, rigids_of
+from tripod_sim.scene_short import FIRST
 from tripod_sim.solved_to import solved_to
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
@@ -60,25 +60,16 @@ def _touching(
     system: SpringSystem, scene: Scene, contact: Contact, skin: ChainSkin | None, bound: "StrainBound | None"
 ) -> Parts:
     """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
-    from tripod_sim.contact.contact_build import contact_stepper, place_rigid  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.contact.contact_build import touching  # noqa: PLC0415 - an effect that is absent
     from tripod_sim.contact.spring_nodes import SpringNodes  # noqa: PLC0415
     from tripod_sim.contact.start import near_itself  # noqa: PLC0415
 
-    damping, body = scene.damping, system.body
+    damping, part = scene.damping, surface_part(system.body, contact)
     drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
-    part = surface_part(body, contact)
     notes = near_itself(part, contact.contact_distance)
     soft = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound), [part]
-    if not rigids_of(scene):
-        stepper = contact_stepper(scene, contact, soft)
-        return Parts(body, system.mass, system, stepper, skin=skin, notes=notes, solver=scene.solver)
-    from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
-
-    rigid = rigid_set(scene)
-    place_rigid(rigid, scene, contact, [("the soft body", part)])
-    stepper = contact_stepper(scene, contact, soft, rigid)
-    mesh, both = shown_with(rigid, body, skin)
-    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid, notes=notes, solver=scene.solver)
+    mesh, skin, rigid, stepper = touching(scene, contact, soft, [("the soft body", part)], system.body, skin)
+    return Parts(mesh, system.mass, system, stepper, skin=skin, rigid=rigid, notes=notes, solver=scene.solver)
 
 
 def surface_part(body: SpringBody, contact: Contact) -> "Part":
