@@ -1,6 +1,8 @@
 """Detection: what is near at the start of a step, and what meets during it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -63,18 +65,7 @@ class Detector:
         """
         s = self._surfaces = surfaces
         self.distance, self.alarm, self.pairs = distance, alarm, 0
-        self._top = Topology(
-            s.body,
-            s.touches_itself,
-            s.radius,
-            s.triangles,
-            s.filled,
-            s.edges,
-            s.sides,
-            s.faces,
-            s.first_edge,
-            s.edge_list,
-        )
+        self._top = Topology._make(getattr(s, name) for name in Topology._fields)
         self._moving = np.zeros(len(vertices), dtype=np.bool_)
         self._moving[s.moving_points] = True
         self._earliest, self._move = np.ones(len(vertices)), np.zeros((len(vertices), 3))
@@ -205,20 +196,14 @@ class Detector:
             pressed = before.arrays.pressure[: before.count] > 0.0
             held = np.sort(before.arrays.key[: before.count][pressed])
         self._sweep(x, x)
-        at = 0
+        out.count = 0
         for q in self._queries:
             pairs = q.pairs(self.alarm)
             self.pairs += len(pairs)
-            while True:
-                end = narrow_kernels.near_contacts(
-                    pairs, q.ones, q.others, q.first, q.flipped, self._top, x, self.distance, self.alarm, held,
-                    out.arrays, at,
-                )  # fmt: skip
-                if end <= len(out.arrays.key):
-                    break
-                out.count = at
-                out.reserve(end)
-            at = out.count = end
+            _add(
+                out, narrow_kernels.near_contacts, pairs, q.ones, q.others, q.first, q.flipped, self._top, x,
+                self.distance, self.alarm, held,
+            )  # fmt: skip
         out.unique()
 
     def met(
@@ -260,17 +245,18 @@ class Detector:
                 found.append((q, pairs.copy(), when))
         if not found:
             return 1.0
-        at, choice = out.count, narrow_kernels.ANY if take_all else narrow_kernels.MET
+        choice = narrow_kernels.ANY if take_all else narrow_kernels.MET
         for q, pairs, when in found:
-            while True:
-                after = met_kernels.met_contacts(
-                    pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, self.distance, when,
-                    self._earliest, self._moving, choice, out.arrays, at,
-                )  # fmt: skip
-                if after <= len(out.arrays.key):
-                    break
-                out.count = at
-                out.reserve(after)
-            at = out.count = after
+            _add(
+                out, met_kernels.met_contacts, pairs, q.ones, q.others, q.first, q.flipped, self._top, start,
+                self._move, self.distance, when, self._earliest, self._moving, choice,
+            )  # fmt: skip
         out.unique()
         return float(self._earliest.min())
+
+
+def _add(out: ContactSet, kernel: Callable[..., int], *arguments: Any) -> None:
+    """Let a kernel write contacts behind those of `out`, which grows until they fit."""
+    while (end := kernel(*arguments, out.arrays, out.count)) > len(out.arrays.key):
+        out.reserve(end)
+    out.count = end
