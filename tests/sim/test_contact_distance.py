@@ -9,7 +9,6 @@ from tests.checks import random_rotation
 from tripod_sim.contact.ccd_kernels import time_of_approach
 from tripod_sim.contact.distance_kernels import (
     across,
-    point_segment,
     point_triangle,
     segment_segment,
     triangle_normal,
@@ -65,14 +64,6 @@ def test_segment_segment_is_the_least_distance(seed: int, shape: str) -> None:
     assert_closest(q, p, x[2:])
     if shape == "crossing":
         assert square < 1e-24
-
-
-def test_point_segment_takes_ends_and_middle() -> None:
-    a, b = np.zeros(3), np.array([2.0, 0, 0])
-    assert point_segment(np.array([-1.0, 0, 0]), a, b) == (0.0, 1.0)
-    assert point_segment(np.array([0.5, 3, 0]), a, b) == (0.25, 9.0)
-    assert point_segment(np.array([5.0, 0, 4]), a, b) == (1.0, 25.0)
-    assert point_segment(b, a, a) == (0.0, 4.0)
 
 
 @settings(max_examples=200, deadline=None)
@@ -141,10 +132,8 @@ def test_the_gap_is_kept_until_the_time_returned(seed: int, shape: str, first: i
         assert distance(x + time * d) < 0.5 * distance(x) or shape != "general"
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_points_and_segments_are_shapes_too(count: int) -> None:
-    x = np.array([[0.0, 0, 1], [0, 0, 0], [0, 0, 0]])[:count]
-    d = np.array([[0.0, 0, -4], [0, 0, 0], [1e-3, 0, 0]])[:count]
+def test_points_are_shapes_too() -> None:
+    x, d = np.array([[0.0, 0, 1], [0, 0, 0]]), np.array([[0.0, 0, -4], [0, 0, 0]])
     assert approach(x, d, 1, 0.2) == pytest.approx(0.2, abs=0.01)
     assert approach(x, -d, 1, 0.2) == 1.0
     assert approach(0 * x, d, 1, 0.0) == 0.0

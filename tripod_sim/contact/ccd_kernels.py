@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.contact.distance_kernels import point_segment, point_triangle, segment_segment
+from tripod_sim.contact.distance_kernels import point_triangle, segment_segment
 
 CLOSE = 0.05
 """Fraction of the initial distance above the gap at which advancing stops."""
@@ -27,8 +27,6 @@ def _distance(x: Array, first: int, count: int) -> float:
         for i in range(3):
             s += (x[0, i] - x[1, i]) ** 2
         return np.sqrt(s)
-    if count == 3:
-        return np.sqrt(point_segment(x[0], x[1], x[2])[1])
     if first == 1:
         return np.sqrt(point_triangle(x[0], x[1], x[2], x[3])[3])
     return np.sqrt(segment_segment(x[0], x[1], x[2], x[3])[2])
@@ -61,8 +59,8 @@ def time_of_approach(x: Array, d: Array, first: int, count: int, gap: float, y: 
     Args:
         x: Vertices at the start [m], shape (4, 3), of which `count` are used: those of the first shape, then the other.
         d: Their moves [m], shape (4, 3); overwritten by the moves relative to their mean.
-        first: Vertices of the first shape: 1 (a point against a point, segment or triangle) or 2 (two segments).
-        count: Of vertices: 2 to 4.
+        first: Vertices of the first shape: 1 (a point against a point or triangle) or 2 (two segments).
+        count: Of vertices: 2 for two points, else 4.
         gap: [m], not negative, less than the distance at the start; else the answer is 0.
         y: Scratch, shape (4, 3); holds the vertices at the returned time afterwards.
     """

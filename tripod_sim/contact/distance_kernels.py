@@ -30,13 +30,6 @@ def _along(
 
 
 @njit(cache=True, error_model="numpy")
-def point_segment(p: Array, a: Array, b: Array) -> tuple[float, float]:
-    """Return the weight t of `b` of the point of segment a + t (b - a) closest to `p`, and the squared distance."""
-    u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    return _along(p[0] - a[0], p[1] - a[1], p[2] - a[2], u0, u1, u2, u0 * u0 + u1 * u1 + u2 * u2)
-
-
-@njit(cache=True, error_model="numpy")
 def point_triangle(p: Array, a: Array, b: Array, c: Array) -> tuple[float, float, float, float]:
     """Return the weights of `a`, `b`, `c` of the triangle's point closest to `p`, and the squared distance [m²].
 
