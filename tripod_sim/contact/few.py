@@ -57,15 +57,13 @@ class FewContacts:
         kernels.condense(one, self._touched[:1], self._touched[:1], one.copy())
         kernels.stiffen(mine, 0, one)
         kernels.invert(one.copy(), one.copy())
-        kernels.settle(
-            mine, 0, one, one[0].copy(), one[0].copy(), 0.0, 1.0, self._pressure, self._friction, self._state
-        )
+        kernels.settle(mine, 0, one, one[0].copy(), one[0].copy(), 0.0, 1.0, self._pressure, self._friction)
         kernels.give_back(mine, 0, self._numbers, c)
         kernels.add_answers(one, one[0], one, self._touched[:1], one[0].copy(), one[0].copy())
         self.smallest(self._r)
 
     def _reserve(self, room: int) -> None:
-        self._state, self._numbers = np.zeros((2, room), dtype=np.int64)
+        self._numbers = np.zeros(room, dtype=np.int64)
         self._taken = np.zeros(room, dtype=np.bool_)
         self._pressure, self._friction = np.zeros(room), np.zeros((room, 3))
         self._chosen.reserve(room)
@@ -82,7 +80,7 @@ class FewContacts:
             The error that is left [m]; infinite where this way does not lead to the end.
         """
         count = self._contacts.count
-        if len(self._state) < count:
+        if len(self._numbers) < count:
             self._reserve(2 * count)
         self._taken[:count] = False
         self._chosen.count, self.rounds, self._serves = 0, 0, False
@@ -157,8 +155,9 @@ class FewContacts:
                 self._condense()
             y = u[self._which] + free[self._which]
             z = y.copy()
-            scratch = self._pressure, self._friction, self._state
-            rounds, error = kernels.settle(mine.arrays, mine.count, self._S, y, z, mu, aim, *scratch)
+            rounds, error = kernels.settle(
+                mine.arrays, mine.count, self._S, y, z, mu, aim, self._pressure, self._friction
+            )
             if not error <= aim:
                 raise _NoWayError
             kernels.give_back(mine.arrays, mine.count, self._numbers, c.arrays)

@@ -239,7 +239,7 @@ def _add_hessian(c: Contacts, count: int, z: Array, K: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _potential(c: Contacts, count: int, S: Array, y: Array, z: Array, g: Array, state: Array) -> float:
+def _potential(c: Contacts, count: int, S: Array, y: Array, z: Array, g: Array) -> float:
     """Write the gradient of the condensed potential at z and return it."""
     m = len(z)
     total = 0.0
@@ -249,13 +249,13 @@ def _potential(c: Contacts, count: int, S: Array, y: Array, z: Array, g: Array, 
             value += row[j] * (z[j] - y[j])
         g[i] = value
         total += 0.5 * value * (z[i] - y[i])
-    return total + add_gradient(c, count, z, g, state)
+    return total + add_gradient(c, count, z, g)
 
 
 @njit(cache=True, error_model="numpy")
 def settle(
     c: Contacts, count: int, S: Array, y: Array, z: Array, mu: float, aim: float, pressure: Array,
-    friction: Array, state: Array,
+    friction: Array,
 ) -> tuple[int, float]:  # fmt: skip
     """Move z to the minimum, and let the contacts take the forces there.
 
@@ -267,7 +267,6 @@ def settle(
         mu: Coulomb's coefficient.
         aim: Error of gaps and slips that is let be [m].
         pressure, friction: As `forces` writes, shapes (c,) and (c, 3).
-        state: Scratch, shape (c,).
 
     Returns:
         Rounds, and the error that is left [m]; not finite where there is no minimum.
@@ -277,7 +276,7 @@ def settle(
     error, before = 0.0, np.inf  # the forces that it begins with may be the right ones
     for rounds in range(1, MORE + 1):
         set_limits(c, count, mu)
-        phi, size = _potential(c, count, S, y, z, g, state), np.inf
+        phi, size = _potential(c, count, S, y, z, g), np.inf
         for _ in range(STEPS):
             for i in range(m):
                 for j in range(i + 1):
@@ -299,7 +298,7 @@ def settle(
             while scale > SHORTEST:
                 for i in range(m):
                     trial[i] = z[i] - scale * p[i]
-                lower = _potential(c, count, S, y, trial, after, state)
+                lower = _potential(c, count, S, y, trial, after)
                 if lower <= phi - 1e-4 * scale * slope + 1e-12 * abs(phi):
                     break
                 scale *= 0.5

@@ -77,7 +77,6 @@ class StepProblem:
         n = self.unknowns
         self.give, self._r, self._trial, self._next = np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n)
         self._diagonal = self._pattern.indptr[1:] - 1
-        self._state = np.zeros(256, dtype=np.int64)
         self._factored = False
         self.guess, self.begun = np.zeros(n), False
         self.effort, self.unbalanced, self.balance, self.serves = Effort(), 0.0, np.inf, False
@@ -85,7 +84,7 @@ class StepProblem:
     def warm_up(self) -> None:
         """Compile what is needed only when something touches."""
         u = np.zeros(self.unknowns)
-        response_kernels.add_gradient(self._contacts.arrays, 0, u, u, self._state)
+        response_kernels.add_gradient(self._contacts.arrays, 0, u, u)
         dot(u, u)
         self._joint.warm_up(self._contacts, u)
 
@@ -174,9 +173,7 @@ class StepProblem:
     def _evaluate(self, u: FloatArray, r: FloatArray) -> float:
         """Write the gradient to `r` and return the potential."""
         phi, c = self.gradient(u, r), self._contacts
-        if len(self._state) < c.count:
-            self._state = np.zeros(2 * c.count, dtype=np.int64)
-        return phi + float(response_kernels.add_gradient(c.arrays, c.count, u, r, self._state))
+        return phi + float(response_kernels.add_gradient(c.arrays, c.count, u, r))
 
     def gradient(self, u: FloatArray, r: FloatArray) -> float:
         """Write the gradient of the bodies alone to `r` and return their potential, infinite where there is none."""

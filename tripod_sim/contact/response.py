@@ -30,7 +30,7 @@ class Law:
         rest_speed: Hits below it do not bounce [m/s].
         distance: Contact distance [m].
         tolerance: Of gaps and slips, as a fraction of the contact distance.
-        max_rounds: Of multipliers in a step.
+        max_solves: Linear solves of a step by multipliers.
     """
 
     response: str = "lagrange"
@@ -39,7 +39,6 @@ class Law:
     rest_speed: float = 0.05
     distance: float = 1e-3
     tolerance: float = 1e-3
-    max_rounds: int = 40
     max_solves: int = 30
 
 
@@ -77,8 +76,8 @@ class Response:
     DEEPEST = 0.5
     """Share of the contact distance that penalty lets bodies sink in before it stiffens."""
 
-    ROUGH = 12
-    """Linear solves of a rough response."""
+    ROUGH, ROUNDS = 12, 40
+    """Linear solves of a rough response; minimisations of one by penalty."""
 
     FEW, FIRST = 8, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
@@ -197,7 +196,7 @@ class Response:
             outcome.residual = max(change_most, size if size > tolerance else 0.0)
             limit[: c.count] = law.friction * found
             outcome.solved = change_most <= law.tolerance * law.distance
-            if outcome.rounds >= law.max_rounds:
+            if outcome.rounds >= self.ROUNDS:
                 break
             deep = kernels.stiffen(c.arrays, c.count, u, self.DEEPEST * law.distance, 4.0)
             if deep:

@@ -19,9 +19,6 @@ from numba import njit
 from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import Contacts
 
-OPEN, STICKS, SLIDES = 0, 1, 2
-"""State of a contact."""
-
 
 class Freedom(NamedTuple):
     """How vertices follow the unknowns.
@@ -147,14 +144,13 @@ def add_force(
 
 
 @njit(cache=True, error_model="numpy")
-def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) -> float:
-    """Add the gradient of sum of P to `out` [N, N m], write each contact's state and return the sum of P [J]."""
+def add_gradient(c: Contacts, count: int, u: Array, out: Array) -> float:
+    """Add the gradient of sum of P to `out` [N, N m] and return the sum of P [J]."""
     base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
     pressure, friction, limits, stiffness, gaps = c.pressure, c.friction, c.limit, c.stiffness, c.gap
     drift = c.drift
     total = 0.0
     for k in range(count):
-        state[k] = OPEN
         d0, d1, d2 = relative(base, lump, moment, width, k, u)
         n0, n1, n2 = normal[k, 0], normal[k, 1], normal[k, 2]
         along = n0 * d0 + n1 * d1 + n2 * d2
@@ -164,7 +160,6 @@ def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) ->
             continue  # most of them: near, but not pressed
         f0 = f1 = f2 = 0.0
         if s > 0.0:
-            state[k] = SLIDES
             total += 0.5 * s * s / rho
             f0, f1, f2 = s * n0, s * n1, s * n2
         if limit > 0.0:
@@ -175,7 +170,6 @@ def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) ->
             share = 1.0
             if size <= limit:
                 total += 0.5 * size * size / sigma
-                state[k] += STICKS * 2
             else:
                 total += (limit * size - 0.5 * limit * limit) / sigma
                 share = limit / size

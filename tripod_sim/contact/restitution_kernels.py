@@ -28,7 +28,7 @@ def bounces(c: Contacts, count: int, before: Array, slowest: float) -> bool:
 def restitute(
     c: Contacts, count: int, before: Array, v: Array, give: Array, restitution: float, slowest: float, rounds: int,
     impulse: Array,
-) -> float:  # fmt: skip
+) -> None:  # fmt: skip
     """Change velocities so that contacts that were hit part at `restitution` times the speed at which they met.
 
     Impulses along the normals, Gauss-Seidel on the masses [Moreau1988]. Slower hits than `slowest` do not bounce.
@@ -42,12 +42,8 @@ def restitute(
         slowest: [m/s].
         rounds: Of Gauss-Seidel.
         impulse: Scratch, shape (c,).
-
-    Returns:
-        The largest normal impulse [N s].
     """
     base, lump, moment, width = c.base, c.lump, c.moment, c.width
-    largest = 0.0
     impulse[:count] = 0.0
     for _ in range(rounds):
         for k in range(count):
@@ -79,7 +75,6 @@ def restitute(
                 continue
             add = max((-restitution * met - now) / total, -impulse[k])
             impulse[k] += add
-            largest = max(largest, impulse[k])
             for m in range(4):
                 b = c.base[k, m]
                 if b < 0:
@@ -92,7 +87,6 @@ def restitute(
                     v[b + 3] += (r[1] * n[2] - r[2] * n[1]) * add * give[b + 3]
                     v[b + 4] += (r[2] * n[0] - r[0] * n[2]) * add * give[b + 3]
                     v[b + 5] += (r[0] * n[1] - r[1] * n[0]) * add * give[b + 3]
-    return largest
 
 
 @njit(cache=True, error_model="numpy")
