@@ -95,11 +95,8 @@ def segment_segment(a: Array, b: Array, c: Array, d: Array) -> tuple[float, floa
 
 
 @njit(cache=True, error_model="numpy")
-def triangle_normal(a: Array, b: Array, c: Array, out: Array) -> bool:
-    """Write the unit normal of a triangle; of a degenerate one write some unit vector across its longest side.
-
-    Return whether the triangle has an area.
-    """
+def triangle_normal(a: Array, b: Array, c: Array, out: Array) -> None:
+    """Write the unit normal of a triangle; of a degenerate one write some unit vector across its longest side."""
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     out[0], out[1], out[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
@@ -109,11 +106,10 @@ def triangle_normal(a: Array, b: Array, c: Array, out: Array) -> bool:
         length = np.sqrt(square)
         for i in range(3):
             out[i] /= length
-        return True
+        return
     if uu < vv:
         u0, u1, u2 = v0, v1, v2
     across(u0, u1, u2, out)
-    return False
 
 
 @njit(cache=True, error_model="numpy")
