@@ -254,7 +254,9 @@ def test_bad_rigid_bodies_are_named(tmp_path: Path) -> None:
         in refused("stack", "rigid=off")
     )
     assert "servos needs a soft body" in refused("stack", "servos={}")
-    assert "contact has nothing to touch" in refused("bounce", "obstacles=off")
+    assert "contact has nothing to touch: add [[obstacles]], or another [[rigid]]" in refused(
+        "bounce", "obstacles=off"
+    )
     assert "inertia.scheme is 'rk4', whose steps solve nothing" in refused("stack", "inertia.scheme=rk4")
     assert "contact.alarm_distance is 0.001 m; it must be above contact.contact_distance, 0.001 m" in refused(
         "stack", "contact.alarm_distance=0.001"

@@ -76,9 +76,8 @@ def check(contact: Contact, scene: Described) -> None:
     if contact.self_contact and not soft:
         raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")
     if not (scene.obstacles or contact.self_contact or len(bodies) + soft > 1):
-        raise SceneError(
-            "contact has nothing to touch: add [[obstacles]], [[rigid]] or contact.self_contact = true"
-        )
+        others = "[[rigid]] or contact.self_contact = true" if soft else "or another [[rigid]]"
+        raise SceneError(f"contact has nothing to touch: add [[obstacles]], {others}")
     if not contact.alarm_distance > contact.contact_distance:
         raise SceneError(
             f"contact.alarm_distance is {contact.alarm_distance:g} m; it must be above contact.contact_distance, "
