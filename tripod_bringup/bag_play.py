@@ -32,7 +32,7 @@ def play_command(
 ) -> int:
     """Play, print how it ended and return the exit code.
 
-    0; 1 it broke off or differs; 2 bad input; 130 it was ended before anything was played.
+    0; 1 it broke off or differs; 2 bad input, or no driver can play it; 130 it was ended before anything was played.
     """
     try:
         check(to, rate, start)
@@ -67,7 +67,8 @@ def play_command(
             made[0].done if not failed else f"tripod bag play: {made[0].done}",
             file=sys.stderr if failed else sys.stdout,
         )
-        code = code or (FAILED if failed else 0)
+        refused = getattr(made[0], "refused", False)
+        code = code or (BAD_ARGUMENTS if refused else FAILED if failed else 0)
     elif made and made[0].waiting:
         code = code or INTERRUPTED
     return code or tell_unread("play", bag)

@@ -204,6 +204,11 @@ class ReplayNode(Node):
         else:
             self._play(self._transport, now)
 
+    @property
+    def refused(self) -> bool:
+        """Whether it ended before anything moved."""
+        return self.failed and self._ramp is None
+
     def _end(self, why: str) -> None:
         self.done, self.failed = why, True
 

@@ -82,6 +82,15 @@ def test_beside_a_simulator_that_runs_it_is_refused_in_one_line(
     assert err.startswith("tripod bag play: /sim simulates in this graph already, and two would mix: stop it")
 
 
+def test_what_no_driver_plays_is_refused_with_2(
+    bag: Path, domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setattr("tripod_play.replay_node.PATIENCE", 0.5)
+    assert play(bag, To.ROBOT) == 2
+    assert "tripod bag play: no driver is heard in this graph: start" in capfd.readouterr().err
+
+
 def test_to_the_robot_it_says_that_it_waits_for_a_driver_and_ends_with_130_before_anything_played(
     bag: Path, domain: int
 ) -> None:

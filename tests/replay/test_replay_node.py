@@ -159,7 +159,7 @@ def test_it_takes_the_mode_goes_slowly_to_the_first_pose_and_plays_to_the_end(ma
 def test_what_the_driver_cannot_do_is_refused_and_nothing_moves(make, path, status, words: str) -> None:
     graph = make(path, start=2.0)
     graph.until(lambda: graph.node.done, **status)
-    assert graph.node.failed
+    assert graph.node.refused
     assert graph.node.done.startswith(words)
     graph.until(lambda: graph.driver.count_publishers(names.CONTROL_MODE))
     assert not graph.driver.asked
@@ -185,7 +185,7 @@ def test_it_goes_by_the_simulator_where_that_is_asked(make) -> None:
 def test_what_the_simulator_cannot_do_is_refused(make, simulated, status, words: str) -> None:
     graph = make(motion(), start=2.0, simulated=simulated)
     graph.until(lambda: graph.node.done, **status)
-    assert graph.node.failed
+    assert graph.node.refused
     assert graph.node.done.startswith(words)
     assert not graph.driver.asked
 
@@ -252,6 +252,7 @@ def test_a_motion_that_the_robot_does_not_follow_ends_and_says_why(make, status:
     assert not graph.node.done
     graph.until(lambda: graph.node.done, **status)
     assert (graph.node.done, graph.node.failed) == (f"the driver cannot move: {why}", True)
+    assert not graph.node.refused
 
 
 def test_paused_it_holds_the_pose_and_steps_by_a_tenth(make) -> None:
