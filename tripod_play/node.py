@@ -11,6 +11,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
@@ -18,7 +19,7 @@ from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
-from tripod_graph.qos import RELIABLE
+from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_graph.source import name_of, new_source
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix, vector_quaternion
@@ -35,7 +36,10 @@ SILENCE = 0.5
 """Time without a ball after which the plate is held level [s]."""
 
 PATIENCE = 3.0
-"""Time without a pose of the effector after which that is said [s]: nodes find each other within it."""
+"""Time without what is waited for after which that is said [s]: nodes find each other within it."""
+
+TILTS, POSITIONS = ("orientation", "pose"), ("position", "pose")
+"""Goals of inverse kinematics that follow tilts, and positions; the first is proposed."""
 
 LEVELLING = 0.8
 """Time in which the plate can get level at the end [s]: less than the lease of a decision, which is repeated before."""
@@ -44,7 +48,8 @@ LEVELLING = 0.8
 class PlayNode(Node):
     """What both have in common: the mode, the effector's pose at rest, targets."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, goals: tuple[str, ...]) -> None:
+        """`goals`: those of inverse kinematics, one of which it must have, or nothing would move."""
         super().__init__(name)
         declare(self, ())
         self.done = ""
@@ -56,6 +61,8 @@ class PlayNode(Node):
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
+        self.create_subscription(String, names.IK_GOAL, self._on_goal, LATCHED)
+        self._goals, self._followed = goals, False
         self._rest: FloatArray | None = None
         self._asked = False
         self._made_at = time.monotonic()
@@ -91,8 +98,21 @@ class PlayNode(Node):
             return
         self._position = numbers[:3]
         self._rotation = quaternion_matrix(numbers[3:])
-        if self._rest is None:
-            self._rest = numbers[:3]
+        self._begin()
+
+    def _on_goal(self, message: String) -> None:
+        self._followed = message.data in self._goals
+        if not self._followed and not self.done:
+            self.done = (
+                f"inverse kinematics has the goal {message.data[:20]!r}, which does not follow this: start it with "
+                f"goal:={self._goals[0]} (`tripod up ik.goal:={self._goals[0]}`)"
+            )
+        self._begin()
+
+    def _begin(self) -> None:
+        """Take the mode once the effector is seen and inverse kinematics follows what will be asked for."""
+        if self._rest is None and self._position is not None and self._followed:
+            self._rest = self._position
             self._speaker.decide(Mode.IK)
             self._asked = True
 
@@ -108,9 +128,12 @@ class PlayNode(Node):
     def _on_timer(self) -> None:
         self._look()
         if self._rest is None and time.monotonic() - self._made_at > PATIENCE:
-            self.get_logger().warning(
-                f"waiting for {names.EFFECTOR_POSE}: is the simulator running?", throttle_duration_sec=10.0
+            topic, who = (
+                (names.EFFECTOR_POSE, "the simulator")
+                if self._position is None
+                else (names.IK_GOAL, "inverse kinematics")
             )
+            self.get_logger().warning(f"waiting for {topic}: is {who} running?", throttle_duration_sec=10.0)
         if self._rest is not None and not self.done and self._mandate.held:
             self._play(self._rest)
 
@@ -125,7 +148,7 @@ class PathNode(PlayNode):
     def __init__(self, points: KeyPoints, path: ServoPath) -> None:
         self._points, self._path = points, path
         self._begun: float | None = None
-        super().__init__("path")
+        super().__init__("path", TILTS if points.kind is Kind.TILT else POSITIONS)
 
     def _play(self, rest: FloatArray) -> None:
         now = self._motion.at(time.monotonic())
@@ -154,7 +177,7 @@ class SolveNode(PlayNode):
         self._board, self._offset = board, np.array([0.0, 0.0, offset])
         self._seen: deque[tuple[float, FloatArray]] = deque(maxlen=50)
         self._camera = self._last = float("-inf")
-        super().__init__("solve")
+        super().__init__("solve", TILTS)
         self.create_subscription(PoseStamped, names.BALL_POSE, self._on_camera, RELIABLE)
         self.create_subscription(PoseStamped, names.SIM_BALL_POSE, self._on_simulated, RELIABLE)
 
@@ -175,14 +198,15 @@ class SolveNode(PlayNode):
         self._seen.append((time.monotonic(), local))
 
     def _play(self, rest: FloatArray) -> None:
-        if not self._seen:
+        received = self._seen[-1][0] if self._seen else self._made_at + PATIENCE
+        if not self._seen or time.monotonic() - received > SILENCE:
             self._send(rest, np.zeros(2))
+            if time.monotonic() - received > SILENCE:
+                self.get_logger().warning(
+                    "no ball is seen; the plate is held level", throttle_duration_sec=2.0
+                )
             return
-        received, local = self._seen[-1]
-        if time.monotonic() - received > SILENCE:
-            self._send(rest, np.zeros(2))
-            self.get_logger().warning("no ball is seen; the plate is held level", throttle_duration_sec=2.0)
-            return
+        local = self._seen[-1][1]
         fresh, self._last = received != self._last, received
         x, y, radius = self._board.goal
         half = self._board.obstacles.extent

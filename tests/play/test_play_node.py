@@ -13,6 +13,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from std_msgs.msg import String
 from tripod_msgs.msg import ControlMode
 
 from tripod_graph import names
@@ -32,10 +33,12 @@ OFFSET = 0.008
 
 
 class Robot(Node):
-    """Stands for simulator, camera and operator."""
+    """Stands for simulator, camera, inverse kinematics and operator."""
 
-    def __init__(self) -> None:
+    def __init__(self, goal: str = "orientation") -> None:
         super().__init__("robot")
+        self._goal = self.create_publisher(String, names.IK_GOAL, LATCHED)
+        self._goal.publish(String(data=goal))
         self.targets: list[PoseStamped] = []
         self.modes: list[int] = []
         self.create_subscription(PoseStamped, names.TARGET_POSE, self.targets.append, RELIABLE)
@@ -69,8 +72,8 @@ class Robot(Node):
 
 
 class Graph:
-    def __init__(self, make: Callable[[], PlayNode]) -> None:
-        self.robot, self.node = Robot(), make()
+    def __init__(self, make: Callable[[], PlayNode], goal: str = "orientation") -> None:
+        self.robot, self.node = Robot(goal), make()
         self._executor = SingleThreadedExecutor()
         for node in (self.robot, self.node):
             self._executor.add_node(node)
@@ -122,6 +125,39 @@ def test_a_path_takes_the_mode_plays_its_tilts_and_ends(context: None) -> None:
         graph.node.close()
         graph.until(lambda: graph.robot.modes[-1] == ControlMode.NONE)  # it is not missed
         graph.until(lambda: np.allclose(tilt_of(graph.robot.targets[-1]), 0))
+    finally:
+        graph.close()
+
+
+def test_where_inverse_kinematics_follows_something_else_nothing_is_commanded_and_that_is_said(
+    context: None,
+) -> None:
+    graph = Graph(solver, "position")
+    try:
+        graph.until(lambda: bool(graph.node.done), graph.robot.say_pose)
+        assert graph.node.done == (
+            "inverse kinematics has the goal 'position', which does not follow this: start it with goal:=orientation "
+            "(`tripod up ik.goal:=orientation`)"
+        )
+        assert ControlMode.IK not in graph.robot.modes
+        assert not graph.robot.targets
+    finally:
+        graph.close()
+
+
+def test_a_ball_that_was_never_seen_is_told(
+    context: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(play_node, "PATIENCE", 0.0)
+    said: list[str] = []
+
+    def told() -> bool:
+        said.append(capfd.readouterr().err)
+        return "no ball is seen; the plate is held level" in "".join(said)
+
+    graph = Graph(solver)
+    try:
+        graph.until(told, graph.robot.say_pose)
     finally:
         graph.close()
 
