@@ -30,7 +30,11 @@ def path(
         typer.Option(help="Speed that the servos can keep \\[rad/s]; faster stretches are slowed down."),
     ] = 6.0,
     live: Annotated[
-        bool, typer.Option("--live", help="Play it in the graph: `tripod up ik.goal:=orientation` must run.")
+        bool,
+        typer.Option(
+            "--live",
+            help="Play it in the graph: `tripod up ik.goal:=orientation` must run, the robot stand where it can tilt.",
+        ),
     ] = False,
     subnet: Subnet = False,
     json: Json = False,
@@ -75,7 +79,9 @@ def solve(
     live: Annotated[
         bool,
         typer.Option(
-            "--live", help="Solve in the graph: `tripod up --scene maze ik.goal:=orientation` must run."
+            "--live",
+            help="Solve in the graph: `tripod up --scene maze ik.goal:=orientation` must run, the robot in its working "
+            "pose (key a of `tripod teleop`).",
         ),
     ] = False,
     subnet: Subnet = False,

@@ -182,7 +182,7 @@ def maze_command(source: str) -> int:
 
 
 def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence[str]) -> int:
-    """Run a node until it is done or told to stop."""
+    """Run a node until it is done, or told to stop before, which is no success."""
     from tripod_graph.run import run_node  # noqa: PLC0415
 
     made: list[Any] = []
@@ -196,7 +196,7 @@ def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence
     if made and made[0].done:
         print(made[0].done)
         return code or (0 if made[0].done.startswith(("goal", "path")) else NOT_SOLVED)
-    return code
+    return code or NOT_SOLVED
 
 
 def _show(result: dict[str, Any], *, as_json: bool, quiet: bool) -> None:

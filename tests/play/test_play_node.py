@@ -1,5 +1,9 @@
 """Path and solver in a graph of their own: which targets they ask for, when they stop."""
 
+import os
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 
@@ -275,3 +279,22 @@ def test_without_a_simulator_it_says_what_it_waits_for(
         graph.until(told)
     finally:
         graph.close()
+
+
+def test_a_game_that_is_stopped_is_not_won(domain: int) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tripod_bringup", "solve", "first", "--live"],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+    )
+    try:
+        assert process.stderr
+        assert "waiting for sim/effector_pose" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 1
