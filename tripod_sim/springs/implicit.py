@@ -5,12 +5,13 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from tripod_host.arrays import FloatArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.linear.ldl_kernels import numbers
+from tripod_sim.linear import ldl_kernels
 from tripod_sim.linear.ldl_symbolic import analyse
+from tripod_sim.linear.solver import Pattern
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.cg_kernels import sweep
 from tripod_sim.springs.linear_kernels import Factor, Slots
@@ -84,11 +85,22 @@ def work_of(system: SpringSystem, *, iterates: bool) -> kernels.Work:
 
 
 def _factor(system: SpringSystem, *, direct: bool) -> Factor:
-    """Return room for factorisations; where none is made, for those of the smallest matrix there is."""
-    matrix, none = sparse.identity(1, format="csc"), np.zeros((0, 3), dtype=np.int64)
-    pattern, diagonal, off = system.pattern() if direct else (matrix, none, none)
+    """Return room for factorisations; where none is made, for those of the smallest matrix there is.
+
+    That one is factored: so factorisation and solution are loaded before `solve_stage`, whose machine code has copies
+    of them that round otherwise. The process takes those that come first, and another scene may have loaded them.
+    """
+    none = np.zeros((0, 3), dtype=np.int64)
+    least = _room(sparse.identity(1, format="csc"), none, none)
+    ldl_kernels.factor(least.plan, least.numbers)
+    ldl_kernels.solve(least.b, least.plan, least.numbers, least.out)
+    return _room(*system.pattern()) if direct else least
+
+
+def _room(pattern: Pattern, diagonal: IndexArray, off: IndexArray) -> Factor:
     plan, n = analyse(pattern), pattern.shape[0]
-    return Factor(Slots(pattern.data, diagonal, off), plan, numbers(plan, pattern.data), *np.zeros((2, n)))
+    slots = Slots(pattern.data, diagonal, off)
+    return Factor(slots, plan, ldl_kernels.numbers(plan, pattern.data), *np.zeros((2, n)))
 
 
 class StaticSprings:
