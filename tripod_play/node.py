@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import String
+from tripod_msgs.msg import IkStatus
 
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
@@ -148,7 +149,14 @@ class PathNode(PlayNode):
     def __init__(self, points: KeyPoints, path: ServoPath) -> None:
         self._points, self._path = points, path
         self._begun: float | None = None
+        self._off = 0.0  # by which the closest pose missed a target that is out of reach, at most [rad or m]
         super().__init__("path", TILTS if points.kind is Kind.TILT else POSITIONS)
+        self.create_subscription(IkStatus, names.IK_STATUS, self._on_status, RELIABLE)
+
+    def _on_status(self, message: IkStatus) -> None:
+        if self._begun is not None and message.state == IkStatus.CLOSEST:
+            off = message.tilt_residual if self._points.kind is Kind.TILT else message.residual
+            self._off = max(self._off, off)
 
     def _play(self, rest: FloatArray) -> None:
         now = self._motion.at(time.monotonic())
@@ -161,7 +169,12 @@ class PathNode(PlayNode):
         else:
             self._send(value, np.zeros(2))
         if passed > self._path.times[-1]:
-            self.done = f"path played in {passed:.2f} s"
+            tilt = self._points.kind is Kind.TILT
+            off, unit = (np.degrees(self._off), "degrees") if tilt else (1e3 * self._off, "mm")
+            beyond = (
+                f"; targets were out of reach, by up to {off:.1f} {unit}" if off >= 0.05 else ""
+            )  # in the digits shown
+            self.done = f"path played in {passed:.2f} s{beyond}"
 
 
 class SolveNode(PlayNode):

@@ -18,7 +18,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
-from tripod_msgs.msg import ControlMode
+from tripod_msgs.msg import ControlMode, IkStatus
 
 from tripod_graph import names
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
@@ -55,6 +55,11 @@ class Robot(Node):
             for name in (names.SIM_BALL_POSE, names.BALL_POSE)
         }
         self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self._status = self.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
+
+    def say_closest(self, tilt: float) -> None:
+        self.say_pose()
+        self._status.publish(IkStatus(state=IkStatus.CLOSEST, tilt_residual=tilt))
 
     def say_pose(self) -> None:
         message = PoseStamped()
@@ -129,6 +134,17 @@ def test_a_path_takes_the_mode_plays_its_tilts_and_ends(context: None) -> None:
         graph.node.close()
         graph.until(lambda: graph.robot.modes[-1] == ControlMode.NONE)  # it is not missed
         graph.until(lambda: np.allclose(tilt_of(graph.robot.targets[-1]), 0))
+    finally:
+        graph.close()
+
+
+def test_a_path_out_of_reach_says_how_far(context: None) -> None:
+    points = KeyPoints(Kind.TILT, np.array([0.0, 0.4]), np.array([[0.0, 0.0], [0.1, -0.05]]))
+    path = ServoPath(points.times, np.zeros((2, 3)), points.times, ())
+    graph = Graph(lambda: PathNode(points, path))
+    try:
+        graph.until(lambda: bool(graph.node.done), lambda: graph.robot.say_closest(0.05))
+        assert graph.node.done.endswith("; targets were out of reach, by up to 2.9 degrees")
     finally:
         graph.close()
 
