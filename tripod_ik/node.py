@@ -385,7 +385,7 @@ class IkNode(Node):
     def _reject(self, kind: str, reason: str) -> None:
         self._rejected[kind] += 1
         self._last_rejection = f"{kind}: {reason}"
-        self.get_logger().warning(f"refused of {self._last_rejection}", throttle_duration_sec=THROTTLE)
+        self.get_logger().warning(f"refused {self._last_rejection}", throttle_duration_sec=THROTTLE)
 
     # --- what goes out ---
 
