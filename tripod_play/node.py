@@ -148,15 +148,15 @@ class PathNode(PlayNode):
 
     def __init__(self, points: KeyPoints, path: ServoPath) -> None:
         self._points, self._path = points, path
+        self._tilts = points.kind is Kind.TILT
         self._begun: float | None = None
         self._off = 0.0  # by which the closest pose missed a target that is out of reach, at most [rad or m]
-        super().__init__("path", TILTS if points.kind is Kind.TILT else POSITIONS)
+        super().__init__("path", TILTS if self._tilts else POSITIONS)
         self.create_subscription(IkStatus, names.IK_STATUS, self._on_status, RELIABLE)
 
     def _on_status(self, message: IkStatus) -> None:
         if self._begun is not None and message.state == IkStatus.CLOSEST:
-            off = message.tilt_residual if self._points.kind is Kind.TILT else message.residual
-            self._off = max(self._off, off)
+            self._off = max(self._off, message.tilt_residual if self._tilts else message.residual)
 
     def _play(self, rest: FloatArray) -> None:
         now = self._motion.at(time.monotonic())
@@ -164,17 +164,15 @@ class PathNode(PlayNode):
             self._begun = now
         passed = now - self._begun
         value = self._points.at(float(np.interp(passed, self._path.times, self._path.file_times)))
-        if self._points.kind is Kind.TILT:
+        if self._tilts:
             self._send(rest, value)
         else:
             self._send(value, np.zeros(2))
         if passed > self._path.times[-1]:
-            tilt = self._points.kind is Kind.TILT
-            off, unit = (np.degrees(self._off), "degrees") if tilt else (1e3 * self._off, "mm")
-            beyond = (
-                f"; targets were out of reach, by up to {off:.1f} {unit}" if off >= 0.05 else ""
-            )  # in the digits shown
-            self.done = f"path played in {passed:.2f} s{beyond}"
+            off, unit = (np.degrees(self._off), "degrees") if self._tilts else (1e3 * self._off, "mm")
+            self.done = f"path played in {passed:.2f} s"
+            if off >= 0.05:  # one digit is shown
+                self.done += f"; targets were out of reach, by up to {off:.1f} {unit}"
 
 
 class SolveNode(PlayNode):
@@ -212,9 +210,10 @@ class SolveNode(PlayNode):
 
     def _play(self, rest: FloatArray) -> None:
         received = self._seen[-1][0] if self._seen else self._made_at + PATIENCE
-        if not self._seen or time.monotonic() - received > SILENCE:
+        late = time.monotonic() - received > SILENCE
+        if late or not self._seen:
             self._send(rest, np.zeros(2))
-            if time.monotonic() - received > SILENCE:
+            if late:
                 self.get_logger().warning(
                     "no ball is seen; the plate is held level", throttle_duration_sec=2.0
                 )

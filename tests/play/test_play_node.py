@@ -94,6 +94,17 @@ class Graph:
             each()
             self._executor.spin_once(timeout_sec=0.01)
 
+    def until_told(
+        self, words: str, capfd: pytest.CaptureFixture[str], each: Callable[[], None] = lambda: None
+    ) -> None:
+        said: list[str] = []
+
+        def told() -> bool:
+            said.append(capfd.readouterr().err)
+            return words in "".join(said)
+
+        self.until(told, each)
+
     def close(self) -> None:
         self.node.close()
         self._executor.shutdown()
@@ -169,15 +180,9 @@ def test_a_ball_that_was_never_seen_is_told(
     context: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(play_node, "PATIENCE", 0.0)
-    said: list[str] = []
-
-    def told() -> bool:
-        said.append(capfd.readouterr().err)
-        return "no ball is seen; the plate is held level" in "".join(said)
-
     graph = Graph(solver)
     try:
-        graph.until(told, graph.robot.say_pose)
+        graph.until_told("no ball is seen; the plate is held level", capfd, graph.robot.say_pose)
     finally:
         graph.close()
 
@@ -284,15 +289,9 @@ def test_without_a_simulator_it_says_what_it_waits_for(
     context: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(play_node, "PATIENCE", 0.0)
-    said: list[str] = []
-
-    def told() -> bool:
-        said.append(capfd.readouterr().err)
-        return "waiting for sim/effector_pose: is the simulator running?" in "".join(said)
-
     graph = Graph(solver)
     try:
-        graph.until(told)
+        graph.until_told("waiting for sim/effector_pose: is the simulator running?", capfd)
     finally:
         graph.close()
 
