@@ -12,6 +12,7 @@ from zlib import crc32
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped
+from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
@@ -83,6 +84,10 @@ class FakeSimulator(Node):
         points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.body[0]]
         triangles = [MeshTriangle(vertex_indices=t) for t in self.body[1]]
         self._mesh.publish(Mesh(vertices=points, triangles=triangles))
+
+    def wait_for_mesh(self, seconds: float) -> None:
+        """Wait until all who listen have the mesh: one that comes late lets the page forget what it kept before."""
+        assert self._mesh.wait_for_all_acked(Duration(seconds=seconds))
 
     def publish_picture(self, table: dict[str, Any]) -> None:
         """Describe a scene, and take its name."""

@@ -43,6 +43,7 @@ def show(
     sim.body = tuple(body)
     sim.figures = {**figures, "event": event, "notice": notice}
     sim.publish_mesh()
+    sim.wait_for_mesh(60.0)
     sim.publish_picture({**table, "name": name or scene})
     radius = (table["ball"]["radius"],) if table["ball"] else ()
     sim.publish_game(table["maze"] is not None, *radius)
