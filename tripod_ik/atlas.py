@@ -50,8 +50,9 @@ TRIES = 10
 DOUBT = 0.02
 """How much that a straight way misses [m] counts as a second more of it: it may be none."""
 
-ITERATIONS = 25
-"""Of Newton's method, in a step of the model: what takes more is no small one."""
+ITERATIONS, AT_ONCE = 25, 1.01 * SPACING
+"""Of Newton's method, in a step of the model: what takes more is no small one; and the turn of the servos [rad] that is
+made in one: from a firm pose to the next one of the grid."""
 
 Cell = tuple[int, ...]
 """Angles from home, in steps of the grid."""
@@ -120,7 +121,8 @@ class Atlas:
         The home of its model depends on `slide` alone, in proportion between the flat and the working pose: there the
         strips are stretched.
         """
-        joints, solver = joints_of(scene), replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0)
+        joints = joints_of(scene)
+        solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0, max_turn=AT_ONCE)
         if joints is None:
             raise IkError(f"scene {scene.name!r} has no servos: there is nothing to solve for")
         low, high = np.asarray(joints.low, dtype=float), np.asarray(joints.high, dtype=float)
