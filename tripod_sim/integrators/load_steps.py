@@ -20,7 +20,11 @@ from tripod_sim.system import System
 
 
 class LoadSteps:
-    """Brings states near to equilibrium where their load would move them far, with scratch of its own."""
+    """Brings states near to equilibrium where their load would move them far, with scratch of its own.
+
+    Attributes:
+        factored: Whether the last state was left where it was, and the system is factored there.
+    """
 
     REACH = 0.1
     """Largest move of a node in an increment, in parts of the largest extent of the body: well below it the increments
@@ -38,6 +42,7 @@ class LoadSteps:
         self._dx = np.zeros_like(system.rest)
         self._start: State | None = None
         self._trial: State | None = None
+        self.factored = False
 
     def carry(self, state: State) -> NewtonReport:
         """Move `state` to equilibrium, its driven frames where they are, if its load moves it further than the reach.
@@ -48,13 +53,17 @@ class LoadSteps:
         potential below that of the start.
         """
         report, system = NewtonReport(), self._system
+        self.factored = False
         phi = system.evaluate(state)
         if not (np.isfinite(phi) and system.unbalanced() > self._tolerance):
             return report
         if self._start is None or self._trial is None:
             self._start, self._trial = state.copy(), state.copy()
         state.copy_to(self._start)
-        if not self._respond(state) or self._furthest() <= self._reach:
+        if not self._respond(state):
+            return report
+        if self._furthest() <= self._reach:
+            self.factored = True
             return report
         for halving in range(self.HALVINGS + 1):
             scale = 0.5**halving

@@ -132,7 +132,9 @@ class Newton:
             return  # the solve itself will say so
         self._ahead = keep
 
-    def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
+    def solve(
+        self, state: State, joints: FloatArray, *, keep: float | None = None, factored: bool = False
+    ) -> NewtonReport:
         """Move `state` to equilibrium with its driven frames at `joints`, in place.
 
         The first step carries the driven nodes along with the linearised response of all others, so that the
@@ -143,6 +145,7 @@ class Newton:
             joints: Angles [rad] and slide [m] to reach, shape (s + 1,).
             keep: The time step [s] that the Hessian belongs to: the factorisation of an earlier solve with the
                 same one serves again while it needs few iterations. None renews it.
+            factored: Whether the system has just been factored at `state`, positive definite as it is.
 
         Raises:
             NewtonError: an element turned inside out, or no convergence; `state` is then in between.
@@ -158,8 +161,10 @@ class Newton:
         kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
         ahead = not kept and keep is not None and keep == self._ahead and self.system.knows(state)
         self._kept = self._ahead = None
-        phi = self.system.evaluate(state) if kept or ahead else self._renew(state, report, start=True)
-        report.factorisations += ahead
+        at_hand = kept or ahead or factored
+        phi = self.system.evaluate(state) if at_hand else self._renew(state, report, start=True)
+        report.factorisations += ahead or factored
+        self.indefinite &= not factored
         driven = not same(joints, state.joints)
         if driven:
             self.system.drive(trial, joints)
