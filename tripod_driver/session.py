@@ -220,5 +220,4 @@ class LegacySession(Session):
 
 def shown(data: bytes, most: int = 24) -> str:
     """Return bytes for a message: as text where they are text."""
-    text = data[:most].decode("ascii", "backslashreplace")
-    return repr(text) + ("..." if len(data) > most else "")
+    return repr(data[:most]).removeprefix("b") + ("..." if len(data) > most else "")

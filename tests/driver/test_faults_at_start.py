@@ -55,7 +55,7 @@ STRANGERS = [
         Talker(),
         "mock: no answer to a hello: is this the robot, with this project's firmware, at this baud?",
     ),
-    ("framed", Talker(b"\x8f\x03\xfe"), "mock: it sends '\\\\x8f\\x03\\\\xfe"),
+    ("framed", Talker(b"\x8f\x03\xfe"), "mock: it sends '\\x8f\\x03\\xfe"),
     (
         "legacy",
         Talker(GPS),
@@ -71,7 +71,7 @@ STRANGERS = [
         Talker(GPS),
         "mock: it sends '$GPGGA,123519,4807.038,N'... and that is no IMU: is this the right port",
     ),
-    ("ascii", Talker(b"\xff\x00"), "mock: it sends '\\\\xff\\x00"),
+    ("ascii", Talker(b"\xff\x00"), "mock: it sends '\\xff\\x00"),
     (
         "framed_or_legacy",
         Talker(GPS),
