@@ -39,6 +39,7 @@ def suite(terminal: TerminalBoard, tmp_path: Path, domain: int) -> Iterator[subp
         XDG_RUNTIME_DIR=str(tmp_path),
     )
     words = ["up", "--demo", "--no-view", "--duration", "600", "--port", terminal.path, "driver.boot_time:=0"]
+    words += ["driver.park_time_max:=8"]  # a board that a loaded machine simulates answers late
     with log(tmp_path).open("w") as file:
         process = subprocess.Popen(
             [sys.executable, "-c", "from tripod_bringup.cli import main; main()", *words],
