@@ -77,7 +77,7 @@ LEAST = 0.01
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE, FINER = (1.0, 0.5, 0.7), (0.5, 0.74, 0.35)
+SHARE, FINER = (1.0, 0.5, 0.7), (0.5, 0.9, 0.35)
 """Of the accuracy A that what is measured may add up to at A = 0.1, and power of A that goes with it, of springs and
 rigid bodies, of a solid that touches others, and of one alone: what is measured is of leading order, and hits, which
 make errors larger, take the more of a finer accuracy."""
