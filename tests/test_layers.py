@@ -175,6 +175,12 @@ def test_a_package_imports_only_what_is_below_it(package: str) -> None:
     assert not wrong
 
 
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_a_package_tells_type_checkers_that_it_has_types(package: str) -> None:
+    """PEP 561: without the file a checker takes everything in an installed package as Any."""
+    assert (ROOT / package / "py.typed").is_file()
+
+
 def test_only_bringup_imports_a_node() -> None:
     wrong = {
         f"{module} -> {target}"

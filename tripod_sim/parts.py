@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.state import State, TwinState, WayState
 from tripod_sim.tables.method import Solver
 

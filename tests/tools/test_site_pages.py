@@ -2,12 +2,13 @@
 
 import json
 from dataclasses import dataclass
+from importlib import import_module
 
 import pytest
 
 from tools.reference import citations, copies, notebooks, scene_fields
 from tools.reference.docstrings import docstring
-from tools.reference.python_api import signature
+from tools.reference.python_api import PARTS, signature
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.fields import number
 
@@ -103,3 +104,10 @@ def test_citations_lead_to_the_list_of_references() -> None:
     assert "[[Hughes1987, section 7]](../references.md#Hughes1987), [Other2000]." in made
     assert "\n[Bey1995]\n" in made
     assert citations.anchored("- **[Bey1995]** J. Bey") == '- <a id="Bey1995"></a>**[Bey1995]** J. Bey'
+
+
+def test_the_page_of_the_library_imports_names_from_where_they_are() -> None:
+    """A strict type checker refuses a name that a module has only imported itself."""
+    named = [(m, name) for _, _, modules in PARTS for m, names in modules.items() for name in names]
+    homes = [(m, getattr(import_module(m), name).__module__, name) for m, name in named]
+    assert not [(m, home, name) for m, home, name in homes if home != m and m != "tripod_sim"]

@@ -28,7 +28,7 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
             "tripod_sim.scene_file": ("scene_from_toml", "scene_to_toml"),
             "tripod_sim.simulation": ("Pose", "Energies"),
             "tripod_sim.state": ("State",),
-            "tripod_sim.integrators.substeps": ("StepReport",),
+            "tripod_sim.integrators.report": ("StepReport",),
             "tripod_sim.compliance": ("Compliance",),
             "tripod_sim.spatial_error": ("spatial_error", "SpatialError"),
         },
