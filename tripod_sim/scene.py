@@ -27,6 +27,7 @@ from tripod_sim.effects.time_error import TimeError
 from tripod_sim.scene_checks import check_bodies, check_held, check_needs, check_tables
 from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rigid, Springs, Tie
 from tripod_sim.tables.fields import check_fields, number
+from tripod_sim.tables.kinds import kept_fields
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Motion, Platform, Servos
 from tripod_sim.tables.sets import Marker, NodeSet, Servo
@@ -112,6 +113,8 @@ class Scene:
     )  # no part of what is simulated, nor of a name for that
 
     def __post_init__(self) -> None:
+        for name, value in kept_fields(Scene, self, "").items():
+            object.__setattr__(self, name, value)
         check_fields(self, "")
         check_bodies(self)
         for name, effect in EFFECTS.items():

@@ -4,18 +4,17 @@ import difflib
 import math
 import re
 import tomllib
-import types
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from tripod_host.reading import read_file
 from tripod_sim.errors import LONGEST, SceneError, shown
 from tripod_sim.scene import OPTIONAL, Scene
-from tripod_sim.tables.fields import units_of, with_unit
+from tripod_sim.tables.kinds import WORDS, converted
 
 MAX_BYTES = 100_000
 """A scene file larger than this is refused unread."""
@@ -28,9 +27,6 @@ AUTO = "auto"
 
 LONGEST_PATH = 100
 """Characters of the path of an override; no field is as deep."""
-
-WORDS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
-"""What a field may be."""
 
 
 def scene_names() -> list[str]:
@@ -61,8 +57,11 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     Raises:
         SceneError: no such scene, unknown field, wrong type or value out of range; the message names the path.
     """
-    if isinstance(overrides, str):  # each of its characters would be one
-        raise SceneError(f"overrides is {shown(overrides)}; it must be a list: [{shown(overrides)}]")
+    if isinstance(overrides, str) or not isinstance(
+        overrides, Iterable
+    ):  # of a text each character would be one
+        word = overrides if isinstance(overrides, str) else "dt=0.01"
+        raise SceneError(f"overrides is {shown(overrides)}; it must be a list: [{shown(word)}]")
     text, folder = _read(source)
     return _scene(text, folder, f"scene {str(source)!r}", overrides)
 
@@ -72,6 +71,8 @@ def scene_from_toml(text: str) -> Scene:
 
     Raises SceneError as `load_scene` does.
     """
+    if not isinstance(text, str):
+        raise SceneError(f"the scene is {shown(text)}; it must be text in TOML")
     if len(text) > MAX_BYTES:
         raise SceneError(f"a scene of {len(text)} characters; allowed are {MAX_BYTES}")
     return _scene(text, None, "the scene", ())
@@ -143,7 +144,7 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
             raise SceneError(f"scene file {str(path)!r} cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
             raise SceneError(f"scene file {str(path)!r} is not UTF-8 text") from None
-    if source not in scene_names():
+    if str(source) not in scene_names():
         near = difflib.get_close_matches(str(source), scene_names(), 1)
         with suppress(OSError):  # too long a name
             near = [f"{source}.toml"] if Path(f"{source}.toml").is_file() else near
@@ -170,7 +171,9 @@ def override(table: dict[str, Any], word: str) -> None:
 
     `path=off` removes an effect; the number after the last entry of a list adds one, and 0 begins a list.
     """
-    path, equals, text = (part.strip() for part in word.partition("="))
+    path, equals, text = (
+        (part.strip() for part in word.partition("=")) if isinstance(word, str) else ("",) * 3
+    )
     keys = path.split(".")
     if not equals or not all(keys) or len(path) > LONGEST_PATH:
         raise SceneError(f"override {shown(word)} is not of the form dotted.path=value")
@@ -256,7 +259,9 @@ def _build(cls: Any, table: Any, path: str) -> Any:
     for f in fields(cls):
         where = f"{path}.{f.name}" if path else f.name
         if f.name in table:
-            values[f.name] = _convert(hints[f.name], table[f.name], where, f.metadata.get("unit", ""))
+            values[f.name] = converted(
+                hints[f.name], table[f.name], where, f.metadata.get("unit", ""), _build
+            )
         elif f.default is MISSING and f.default_factory is MISSING:
             raise SceneError(f"field {where} is missing{_wanted(hints[f.name], f.metadata.get('unit', ''))}")
     return cls(**values)
@@ -289,41 +294,6 @@ def field_names() -> list[str]:
         tables = [t for t in (kind, *get_args(kind)) if is_dataclass(t) and get_origin(kind) is not tuple]
         found += [f"{name}.{f.name}" for table in tables for f in fields(table)] or [name]
     return found
-
-
-def _convert(kind: Any, value: Any, path: str, unit: str = "") -> Any:
-    """Return `value` as the annotated type `kind`, or raise SceneError; numbers are in `unit`, or say theirs."""
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin in (Union, types.UnionType):
-        return _convert(next(a for a in arguments if a is not type(None)), value, path, unit)
-    if is_dataclass(kind):
-        return _build(kind, value, path)
-    if origin is tuple:
-        if isinstance(value, Mapping) and is_dataclass(arguments[0]):
-            raise SceneError(f"{path} is one table; it must be a list of them: in a file [[{path}]]")
-        if not isinstance(value, list | tuple):
-            raise SceneError(f"{path} is {shown(value)}; it must be a list")
-        if arguments[-1] is Ellipsis:
-            return tuple(_convert(arguments[0], v, f"{path}.{i}", unit) for i, v in enumerate(value))
-        if len(value) != len(arguments):
-            raise SceneError(f"{path} has {len(value)} values; it needs {len(arguments)}")
-        return tuple(
-            _convert(a, v, f"{path}.{i}", unit) for i, (a, v) in enumerate(zip(arguments, value, strict=True))
-        )
-    if kind is float and unit and isinstance(value, str):
-        with suppress(ValueError):
-            value = with_unit(value, unit)
-    number_given = isinstance(value, int | float) and not isinstance(value, bool)
-    if number_given and isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise SceneError(f"{path} is a whole number of more than 64 bits")
-    if kind is float and number_given:
-        return float(value)
-    if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
-        return value
-    if path == "dt":
-        raise SceneError(f"dt is {shown(value)}; it must be a number of seconds, or auto")
-    units = f" in {unit}, or with its unit: {', '.join(units_of(unit))}" if kind is float and unit else ""
-    raise SceneError(f"{path} is {shown(value)}; it must be {WORDS[kind]}{units}")
 
 
 def words_of(values: Mapping[str, str | float | int | bool]) -> list[str]:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -28,7 +29,7 @@ from tripod_sim.effects.prescribed import Prescribed
 from tripod_sim.maze.board import read_maze
 from tripod_sim.maze.grid import maze_to_text
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import MAX_BYTES, scene_text, scene_to_toml
+from tripod_sim.scene_file import MAX_BYTES, scene_from_toml, scene_text, scene_to_toml
 from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
@@ -318,6 +319,78 @@ def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
 def test_overrides_that_are_no_list_are_told() -> None:
     with pytest.raises(SceneError, match=r"overrides is 'dt=0.01'; it must be a list: \['dt=0.01'\]"):
         load_scene("tripod", "dt=0.01")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (None, r"overrides is None; it must be a list: \['dt=0.01'\]"),
+        ([("dt", 0.01)], r"override \('dt', 0.01\) is not of the form dotted.path=value"),
+        ([b"dt=0.01"], "override b'dt=0.01' is not of the form dotted.path=value"),
+    ],
+)
+def test_overrides_that_are_no_texts_are_told(words: Any, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        load_scene("tripod", words)
+
+
+def test_a_scene_is_found_by_a_path_that_is_its_name() -> None:
+    assert load_scene(Path("tripod")) == load_scene("tripod")
+
+
+@pytest.mark.parametrize("text", [None, b'name = "a"', Path("tripod")])
+def test_what_is_no_text_is_no_scene(text: Any) -> None:
+    with pytest.raises(SceneError, match=r"the scene is .*; it must be text in TOML"):
+        scene_from_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("table", "field", "given", "plain"),
+    [
+        ("", "dt", np.float64(0.004), 0.004),
+        ("", "dt", np.array(0.004), 0.004),
+        ("material", "young", np.float32(2.5e5), 2.5e5),
+        ("mesh", "level", np.int64(2), 2),
+        ("gravity", "acceleration", np.array([0.0, 0.0, -1.6]), (0.0, 0.0, -1.6)),
+        ("servos", "angles", [-1, -1.0, np.float64(-1)], (-1.0, -1.0, -1.0)),
+        ("servos", "angles", np.full(3, -1.0), (-1.0, -1.0, -1.0)),
+    ],
+)
+def test_numbers_of_numpy_become_those_of_a_file(table: str, field: str, given: Any, plain: Any) -> None:
+    """As a program gives them that sweeps one: the scene is then written, hashed and told as any other."""
+    scenes = []
+    for value in (given, plain):
+        own = load_scene("tripod")
+        change = {field: value}
+        scenes.append(replace(own, **({table: replace(getattr(own, table), **change)} if table else change)))
+    assert repr(scenes[0]) == repr(scenes[1])
+    assert scene_from_toml(scene_to_toml(scenes[0])) == scenes[1]
+    assert hash(scenes[0]) == hash(scenes[1])
+
+
+def test_a_scene_keeps_no_array_of_whoever_makes_it() -> None:
+    own, down = load_scene("tripod"), np.array([0.0, 0.0, -9.81])
+    scene = replace(own, gravity=replace(own.gravity, acceleration=down))
+    down[2] = 0.0
+    assert scene == own
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"mesh": replace(load_scene("tripod").mesh, level=2.5)},
+            "mesh.level is 2.5; it must be a whole number",
+        ),
+        ({"gravity": Gravity((0.0, -9.81))}, "gravity.acceleration has 2 values; it needs 3"),
+        ({"mesh": "y_piece"}, "mesh is 'y_piece'; it must be a Mesh"),
+        ({"marker": {"set": "all"}}, "marker is one table; it must be a list of them"),
+        ({"name": None}, "name is None; it must be text"),
+    ],
+)
+def test_a_scene_of_a_program_is_checked_as_one_of_a_file(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        replace(load_scene("tripod"), **changes)
 
 
 def test_one_entry_of_a_list_goes_with_off() -> None:

@@ -34,7 +34,7 @@ class Servos:
     slide: float = number(0.0, unit="m", low=0, high=10.0)
 
     def __post_init__(self) -> None:
-        if not self.angles:
+        if len(self.angles) == 0:  # also of an array
             object.__setattr__(self, "angles", (0.0,) * self.count)
 
 
