@@ -320,15 +320,19 @@ class Simulation:
         and with prescribed motions where they are at `time` [s].
 
         Raises:
-            SceneError: `joints` has another shape or is not finite, or the scene has inertia and no servos.
+            SceneError: `joints` has another shape or is not finite, `start` is of another scene, `time` is no time, or
+                the scene has inertia and no servos.
             StepError: no equilibrium is found; the state is another one then.
         """
         goal = self._shaped(joints)
+        if not time >= 0:
+            raise SceneError(f"time is {time:g} s; it must be at least 0 s")
         if self.scene.inertia and self._static is self._parts:
             raise SceneError(
                 "the scene has no servos, so it has no rest beside its motion; load it with inertia=off"
             )
         if start:
+            self._check_fits(start)
             for name in ("positions", "modes", "centres", "rotations", "joints"):
                 getattr(self.state, name)[:] = getattr(start, name)
             self._static.stepper.forget()
@@ -386,10 +390,11 @@ class Simulation:
             What all of them took together; residual, growth and stalls are those of the last.
 
         Raises:
+            SceneError: `steps` is no whole number, or below 1.
             StepError: as `step`; the state is the last good one.
         """
-        if steps < 1:
-            raise SceneError(f"steps is {steps}; it must be at least 1")
+        if not isinstance(steps, int | np.integer) or steps < 1:
+            raise SceneError(f"steps is {shown(steps)}; it must be a whole number, at least 1")
         many = getattr(self._stepper, "advance", None)
         if many and not (self._servos or self._ball):
             self.report = many(self.state, self.command, self.scene.dt, steps)
@@ -417,12 +422,7 @@ class Simulation:
 
     def _shaped(self, joints: FloatArray) -> FloatArray:
         """Return a copy of angles and slide. Raises SceneError: another shape, or not finite."""
-        goal = np.array(joints, dtype=float)
-        if goal.shape != (len(self.torques) + 1,):
-            raise SceneError(f"joints have shape {goal.shape}; the scene needs {(len(self.torques) + 1,)}")
-        if not all(map(math.isfinite, goal.tolist())):
-            raise SceneError(f"joints {goal.tolist()} are not finite")
-        return goal
+        return joint_values(joints, len(self.torques) + 1)
 
     def _checked(self, joints: FloatArray) -> FloatArray:
         """Return a copy of angles and slide that the scene allows. Raises SceneError."""
@@ -499,10 +499,11 @@ class Simulation:
         Raises SceneError: it is the state of another scene.
         """
         state, torques = saved
-        for name in ("positions", "modes", "centres", "joints"):
-            theirs, own = getattr(state, name).shape, getattr(self.state, name).shape
-            if theirs != own:
-                raise SceneError(f"the state is of another scene: {name} of shape {theirs}, here {own}")
+        self._check_fits(state)
+        if np.shape(torques) != self.torques.shape:
+            raise SceneError(
+                f"the state is of another scene: torques of shape {np.shape(torques)}, here {self.torques.shape}"
+            )
         state.copy_to(self.state)
         self.torques[:] = torques
         self._load_ball()
@@ -510,6 +511,13 @@ class Simulation:
         self._stepper.forget()
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.start(self.state)
+
+    def _check_fits(self, state: State) -> None:
+        """Raise SceneError if a state is of another scene."""
+        for name in ("positions", "modes", "centres", "joints"):
+            theirs, own = getattr(state, name).shape, getattr(self.state, name).shape
+            if theirs != own:
+                raise SceneError(f"the state is of another scene: {name} of shape {theirs}, here {own}")
 
     def __reduce__(self) -> "tuple[Callable[..., Simulation], tuple[Scene, tuple[State, FloatArray]]]":
         """Copy by what it is made of: parts hold views of each other's arrays, which copied one by one would part."""
@@ -617,17 +625,28 @@ class Simulation:
         return tuple(self.state.positions[nodes].mean(axis=0) for nodes in self._parts.watched)
 
     def undeformed(self, marker: int) -> FloatArray:
-        """Return the mean position of the nodes of a marker in the undeformed body [m], shape (3,)."""
-        return np.asarray(self.mesh.nodes[self._parts.watched[marker]].mean(axis=0))
+        """Return the mean position of the nodes of a marker in the undeformed body [m], shape (3,).
+
+        Raises SceneError: the scene has no such marker.
+        """
+        return np.asarray(self.mesh.nodes[self._marked(marker)].mean(axis=0))
+
+    def _marked(self, marker: int) -> NDArray[np.int64]:
+        """Return the nodes of a marker. Raises SceneError."""
+        count = len(self._parts.watched)
+        if marker not in range(count):
+            known = f"allowed is 0 to {count - 1}" if count else "the scene has none; add [[marker]]"
+            raise SceneError(f"marker {shown(marker)} is not there: {known}")
+        return self._parts.watched[marker]
 
     def reactions(self, marker: int) -> tuple[FloatArray, FloatArray]:
         """Return the force [N] on the nodes of a marker from what holds or moves them, and its moment about the origin.
 
         That is the gradient of the last step's potential there, in implicit schemes with the inertia of the nodes
         themselves, so that it is about zero where nodes are free; in explicit ones where nodes are held alone. Raises
-        SceneError for a body of springs.
+        SceneError for a body of springs, and where the scene has no such marker.
         """
-        nodes = self._parts.watched[marker]
+        nodes = self._marked(marker)
         if not isinstance(self._system, System):
             raise SceneError("springs do not tell what holds them")
         forces = self._system.gradient[nodes]
@@ -706,6 +725,14 @@ class Simulation:
         system = self._static.system
         if not isinstance(system, System):
             raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
+        gradient = system.gradient.copy()
+        try:
+            return self._compliance(system)
+        finally:
+            system.gradient[:] = gradient  # of the last step, for `reactions`
+
+    def _compliance(self, system: System) -> Compliance:
+        """As `compliance`, of the static `system`, which is evaluated elsewhere."""
         held = None
         if contact_of(self.scene):
             from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
@@ -736,6 +763,19 @@ class Simulation:
         The report of a step has the last estimate, which may be some steps old.
         """
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
+
+
+def joint_values(joints: FloatArray, count: int) -> FloatArray:
+    """Return a copy of angles and slide, shape (count,). Raises SceneError: another shape, or not finite numbers."""
+    try:
+        values = np.array(joints, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError(f"joints are {shown(joints)}; the scene needs {count} numbers") from None
+    if values.shape != (count,):
+        raise SceneError(f"joints have shape {values.shape}; the scene needs {(count,)}")
+    if not all(map(math.isfinite, values.tolist())):
+        raise SceneError(f"joints {values.tolist()} are not finite")
+    return values
 
 
 def _restored(scene: Scene, saved: tuple[State, FloatArray]) -> Simulation:

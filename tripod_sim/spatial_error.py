@@ -19,7 +19,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import joints_of, posed
-from tripod_sim.simulation import Simulation
+from tripod_sim.simulation import Simulation, joint_values
 
 ORDER = 1
 """p."""
@@ -74,12 +74,12 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         )
     if not mesh:
         raise SceneError("there is no mesh that could be finer: a scene of rigid bodies has no spatial error")
-    if not (joints_of(scene) or scene.fixed):
+    if not (joints_of(scene) or scene.fixed or scene.prescribed):
         raise SceneError(
-            "nothing holds the body (no servos, no fixed box), so it has no static state to estimate"
+            "nothing holds the body (no servos, nothing fixed or prescribed), so it has no static state to estimate"
         )
     if joints is not None:
-        scene = _posed(scene, np.asarray(joints, dtype=float))
+        scene = _posed(scene, joints)
     still = at_rest(scene)
     halved = replace(still, mesh=replace(mesh, refine=mesh.refine + 1))
     coarse, fine = _settled(still), _settled(halved)
@@ -107,10 +107,8 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
 def _posed(scene: Scene, joints: FloatArray) -> Scene:
     """Return the scene with its servos at `joints`."""
     found = joints_of(scene)
-    count = found.count + 1 if found else 1
-    if joints.shape != (count,) or not np.isfinite(joints).all():
-        raise SceneError(f"joints are {joints.tolist()}; the scene needs {count} finite values")
-    return posed(scene, joints[:-1], float(joints[-1])) if found else scene
+    values = joint_values(joints, found.count + 1 if found else 1)
+    return posed(scene, values[:-1], float(values[-1])) if found else scene
 
 
 def _settled(scene: Scene) -> Simulation:

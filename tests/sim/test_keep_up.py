@@ -338,6 +338,16 @@ def test_the_state_of_another_scene_is_refused() -> None:
     np.testing.assert_array_equal(other.positions, before)
 
 
+def test_torques_of_another_scene_are_refused_before_the_state_changes() -> None:
+    one = Simulation(load_scene("tripod", [SET]))
+    start = one.save()[0]
+    one.step(one.command - np.array([0.1, 0.0, 0.0, 0.0]))
+    before = one.state.positions.copy()
+    with pytest.raises(SceneError, match=r"of another scene: torques of shape \(1,\), here \(3,\)"):
+        one.restore((start, np.zeros(1)))
+    np.testing.assert_array_equal(one.state.positions, before)
+
+
 def test_servos_with_dynamics_go_on_towards_their_command() -> None:
     words = [SET, "servo_dynamics={}"]
     one = Simulation(load_scene("tripod", words))

@@ -1,6 +1,7 @@
 """Sets of nodes, what holds, moves, loads and starts them: against theory, and what is refused."""
 
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -360,6 +361,17 @@ def test_markers_of_bodies_in_a_list_tell_what_holds_them(tmp_path: Path) -> Non
     words = ['fixed=[{set="end"}]', "gravity={}", "body.0.material.mass=2e-3", "solver.tolerance=1e-9"]
     held = run(str(tmp_path / "listed.toml"), duration=0.01, overrides=words)["markers"][0]["force"]
     assert held == pytest.approx([0.0, 0.0, 2e-3 * 9.81], abs=1e-7)
+
+
+@pytest.mark.parametrize("marker", [1, -1, "end", 0.5])
+def test_a_marker_that_is_not_there_is_told(marker: Any, block: str) -> None:
+    simulation = Simulation(load_scene(block, [ALONG]))
+    none = Simulation(load_scene("silicone", ["mesh.level=1"]))
+    for ask in (simulation.reactions, simulation.undeformed):
+        with pytest.raises(SceneError, match=f"marker {marker!r} is not there: allowed is 0 to 0"):
+            ask(marker)
+    with pytest.raises(SceneError, match=r"the scene has none; add \[\[marker\]\]"):
+        none.undeformed(marker)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

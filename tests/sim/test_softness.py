@@ -82,6 +82,21 @@ def test_firmness_goes_to_zero_at_the_snap_and_its_square_in_proportion_to_the_a
     assert 0 < left < 1.2
 
 
+def test_asking_how_soft_a_body_at_rest_is_changes_no_reaction() -> None:
+    watched = [
+        'set=[{name="middle", radius=0.004, axis=[0,0,1], centre=[0.03,0,0]}]',
+        'marker=[{set="middle"}]',
+    ]
+    resting = Simulation(load_scene(SHARP, [*STATIC, *watched]))
+    resting.step(0.8 * SNAPPING)
+    force, moment = resting.reactions(0)
+    soft = resting.compliance().softness
+    assert soft is not None
+    assert soft.slope.any()  # it was evaluated elsewhere for that
+    assert np.array_equal(resting.reactions(0)[0], force)
+    assert np.array_equal(resting.reactions(0)[1], moment)
+
+
 def test_a_swinging_body_has_the_compliance_of_its_rest() -> None:
     moving = Simulation(load_scene(SHARP))
     end = np.array([-0.2, 0.1, 0.1, 0.0])

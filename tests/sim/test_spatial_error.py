@@ -86,5 +86,12 @@ def test_what_has_no_estimate_is_refused(name: str, words: list[str], message: s
 
 
 def test_joints_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(SceneError, match="the scene needs 4 finite values"):
+    with pytest.raises(SceneError, match=r"joints have shape \(3,\); the scene needs \(4,\)"):
         spatial_error(load_scene(SHARP), np.zeros(3))
+
+
+def test_a_body_that_prescribed_motions_alone_hold_has_an_estimate() -> None:
+    place = "low=[0.045,-0.02,-0.01], high=[0.06,0.02,0.01]"
+    words = [f'set=[{{name="held", {place}}}]', 'prescribed=[{set="held", move="0: 0,0,0"}]', "fixed=off"]
+    held = spatial_error(load_scene("silicone", ["mesh.level=1", *words]))
+    assert held.largest == pytest.approx(spatial_error(load_scene("silicone", ["mesh.level=1"])).largest)

@@ -254,5 +254,5 @@ def test_many_steps_of_a_solid_are_those_of_single_steps() -> None:
     assert simulation.positions.tobytes() == end
     assert report.iterations == sum(r.iterations for r in singles)
     assert report.parts == 5
-    with pytest.raises(SceneError, match="steps is 0; it must be at least 1"):
+    with pytest.raises(SceneError, match="steps is 0; it must be a whole number, at least 1"):
         simulation.advance(0)

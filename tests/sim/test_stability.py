@@ -2,6 +2,7 @@
 
 import itertools
 import os
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,15 +173,37 @@ def test_bad_commands_are_refused_and_change_nothing(joints: list[float], word: 
     [
         (SHARP, [0.0] * 3, r"joints have shape \(3,\); the scene needs \(4,\)"),
         (SHARP, [np.nan] * 4, "joints .* are not finite"),
+        (SHARP, ["a"] * 4, r"joints are \['a', .*\]; the scene needs 4 numbers"),
+        (SHARP, [[0.0], [0.0, 0.0]], r"joints are \[\[0.0\], \[0.0, 0.0\]\]; the scene needs 4 numbers"),
+        (SHARP, [10**400] * 4, r"joints are \[10+\.\.\.; the scene needs 4 numbers"),
         ("silicone", [0.0], "the scene has no servos"),
     ],
 )
-def test_rest_is_refused_where_there_is_none(scene: str, joints: list[float], words: str) -> None:
+def test_rest_is_refused_where_there_is_none(scene: str, joints: Any, words: str) -> None:
     simulation = Simulation(load_scene(scene, ["mesh.level=1"]))
     before = simulation.positions.copy()
     with pytest.raises(SceneError, match=words):
-        simulation.rest_at(np.array(joints))
+        simulation.rest_at(joints)
     assert np.array_equal(simulation.positions, before)
+
+
+def test_rest_is_refused_at_no_time_and_from_a_state_of_another_scene() -> None:
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
+    other = Simulation(load_scene("pendulum")).state
+    before = simulation.positions.copy()
+    with pytest.raises(SceneError, match="time is nan s; it must be at least 0 s"):
+        simulation.rest_at(simulation.command, time=np.nan)
+    with pytest.raises(SceneError, match="the state is of another scene: positions of shape"):
+        simulation.rest_at(simulation.command, other)
+    assert np.array_equal(simulation.positions, before)
+
+
+@pytest.mark.parametrize("steps", [0, 2.0, "3", None])
+def test_a_number_of_steps_that_is_none_is_refused(steps: Any) -> None:
+    simulation = Simulation(load_scene("pendulum"))
+    with pytest.raises(SceneError, match=r"steps is .*; it must be a whole number, at least 1"):
+        simulation.advance(steps)
+    assert simulation.state.step == 0
 
 
 JUMP, STABLE, COROTATIONAL = (
