@@ -22,7 +22,7 @@ def kind(mode: int) -> str:
     return KINDS.get(stat.S_IFMT(mode), "of an unknown kind")
 
 
-def open_file(path: Path, most: int) -> BinaryIO:
+def open_file(path: str | Path, most: int) -> BinaryIO:
     """Open the regular file at `path` for reading; links are followed.
 
     Args:
@@ -32,6 +32,7 @@ def open_file(path: Path, most: int) -> BinaryIO:
     Raises:
         OSError: it is not there, not a regular file, or too large; `strerror` says which, in words.
     """
+    path = Path(path)
     try:
         _check(
             path.stat(), path, most
@@ -47,12 +48,12 @@ def open_file(path: Path, most: int) -> BinaryIO:
     return os.fdopen(fd, "rb")
 
 
-def read_file(path: Path, most: int) -> bytes:
+def read_file(path: str | Path, most: int) -> bytes:
     """Return the content of the regular file at `path`, at most `most` bytes. Raises OSError as `open_file` does."""
     with open_file(path, most) as file:
         data = file.read(most + 1) or b""  # nothing: some of /proc would have to be waited for
     if len(data) > most:
-        raise _too_large(path, most)
+        raise _too_large(Path(path), most)
     return data
 
 

@@ -14,15 +14,15 @@ from tripod_host import stop
 from tripod_host.reading import kind
 
 
-def check_place(path: Path) -> None:
+def check_place(path: str | Path) -> None:
     """Raise OSError unless `path` could be written now; call it before work whose result shall go there."""
-    fd, part = _created(path)
+    fd, part = _created(Path(path))
     os.close(fd)
     part.unlink()
 
 
 @contextmanager
-def replaced(path: Path) -> Iterator[BinaryIO]:
+def replaced(path: str | Path) -> Iterator[BinaryIO]:
     """Yield a new file that takes the place of `path` when the block ends, and leaves no trace if it fails.
 
     The new file has a name of its own in the same directory, which nobody else has, and is on the disk before it is
@@ -31,6 +31,7 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
     Raises:
         OSError: there is no such directory, no permission, no space, or something else than a file at `path`.
     """
+    path = Path(path)
     fd, part = _created(path)
     with stop.first(lambda: part.unlink(missing_ok=True)), _named(path, part):
         try:
@@ -49,7 +50,7 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def replaced_text(path: Path) -> Iterator[TextIO]:
+def replaced_text(path: str | Path) -> Iterator[TextIO]:
     """Yield what `replaced` does as UTF-8 text, line ends as they are written."""
     with replaced(path) as file:
         text = TextIOWrapper(file, encoding="utf-8", newline="")

@@ -42,7 +42,7 @@ class Bag:
         damaged: Whether any of that is damage, not only a file that ends too early.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
         """Look into an mcap file, or the directory of a recording. Raises RecordError."""
         self.info: BagInfo = read_info(path)
         self.unread: dict[str, bool] = {}

@@ -95,7 +95,7 @@ class _Tally:
             self.end = end if self.end is None else max(end, self.end)
 
 
-def read_info(path: Path, *, check: bool = False) -> BagInfo:
+def read_info(path: str | Path, *, check: bool = False) -> BagInfo:
     """Return what is in a recording.
 
     Args:
@@ -149,8 +149,9 @@ def read_info(path: Path, *, check: bool = False) -> BagInfo:
     )
 
 
-def recording_files(path: Path) -> list[Path]:
+def recording_files(path: str | Path) -> list[Path]:
     """Return the mcap files of a recording, in order; raises RecordError if there are none."""
+    path = Path(path)
     try:
         if not path.is_dir():
             return [path]

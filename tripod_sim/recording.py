@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from tripod_host.writing import check_place, replaced
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, shown
 from tripod_sim.scene_file import scene_to_toml
 from tripod_sim.simulation import Pose, Simulation
 
@@ -67,7 +67,9 @@ class Recording:
     """
 
     def __init__(self, simulation: Simulation, steps: int) -> None:
-        """Raises SceneError where `steps` of them take more memory than there is."""
+        """Raises SceneError where `steps`, the most that it takes, need more memory than there is, or are none."""
+        if not isinstance(steps, int | np.integer) or steps < 1:
+            raise SceneError(f"steps is {shown(steps)}; it must be a whole number, at least 1")
         nodes, servos, rigid = len(simulation.mesh.nodes), len(simulation.torques), len(simulation.rigid)
         own_skin = simulation.skin is not simulation.mesh
         shapes: dict[str, tuple[int, ...]] = {
@@ -105,7 +107,9 @@ class Recording:
         self.count, self.dt = 0, simulation.scene.dt
 
     def add(self, simulation: Simulation) -> None:
-        """Add the present state of `simulation`."""
+        """Add the present state of `simulation`. Raises SceneError where there is no room for one more."""
+        if self.count == len(self._moving["time"]):
+            raise SceneError(f"the recording is full: it was made for {self.count} steps; make it for more")
         a, k, state, energies = self._moving, self.count, simulation.state, simulation.energies()
         a["time"][k] = state.time
         positions = a["positions"][k] = simulation.positions
@@ -134,7 +138,7 @@ class Recording:
         found["event_texts"] = np.array([text for _, text in events], dtype=str)
         return found | self._still
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the steps added so far; nothing if there are none. Raises SceneError where `path` cannot be written."""
         if not self.count:
             return
@@ -159,7 +163,7 @@ def check_out(option: str, path: Path | None, suffixes: tuple[str, ...]) -> None
         raise unwritable(option, path, error) from None
 
 
-def unwritable(option: str, path: Path, error: OSError) -> SceneError:
+def unwritable(option: str, path: str | Path, error: OSError) -> SceneError:
     """Return what to tell of a file that cannot be written."""
     return SceneError(f"{option} {str(path)!r} cannot be written: {error.strerror or error}")
 

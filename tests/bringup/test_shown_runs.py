@@ -8,15 +8,17 @@ import subprocess
 import sys
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from tripod_bringup.cli import app
-from tripod_sim import Simulation, load_scene, scene_names
+from tripod_sim import SceneError, Simulation, load_scene, scene_names
 from tripod_sim.recording import Recording
 from tripod_sim.scene_short import effector_of, joints_of
+from tripod_view.player.html import write_html
 from tripod_view.player.of_run import SILICONE, film_of
 
 SHORT = ["run", "pendulum", "--duration", "0.1"]
@@ -200,3 +202,21 @@ def test_a_recording_is_served_until_ctrl_c(tmp_path: Path) -> None:
         process.kill()
     assert code == 0
     assert errors == ""
+
+
+def test_a_recording_takes_the_steps_that_it_was_made_for(tmp_path: Path) -> None:
+    simulation = Simulation(load_scene("pendulum"))
+    recording = Recording(simulation, 1)
+    simulation.step()
+    recording.add(simulation)
+    with pytest.raises(SceneError, match="the recording is full: it was made for 1 steps; make it for more"):
+        recording.add(simulation)
+    recording.save(str(tmp_path / "run.npz"))
+    write_html(film_of(recording.arrays()), str(tmp_path / "run.html"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.html", "run.npz"]
+
+
+@pytest.mark.parametrize("steps", [0, -1, 2.5, "3"])
+def test_a_recording_of_no_steps_is_refused(steps: Any) -> None:
+    with pytest.raises(SceneError, match=r"steps is .*; it must be a whole number, at least 1"):
+        Recording(Simulation(load_scene("pendulum")), steps)

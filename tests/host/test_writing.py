@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tripod_host.reading import read_file
 from tripod_host.writing import check_place, replaced, replaced_text
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +22,14 @@ def names(folder: Path) -> list[str]:
 def write(path: Path, data: bytes = b"new") -> None:
     with replaced(path) as file:
         file.write(data)
+
+
+def test_a_path_may_be_a_text(tmp_path: Path) -> None:
+    path = str(tmp_path / "file")
+    check_place(path)
+    with replaced_text(path) as file:
+        file.write("new")
+    assert read_file(path, 3) == b"new"
 
 
 def test_a_file_is_replaced_whole_and_keeps_its_permissions(tmp_path: Path) -> None:

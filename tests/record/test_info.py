@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from tests.record.bags import START, cdr_string, new_bag, write_some
 from tripod_record.append_file import MAGIC, TAIL
+from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.info import BagInfo, info_command, info_json, info_text, qos_words, read_info
 from tripod_record.next_chunk import next_chunk
@@ -62,6 +63,11 @@ def test_a_closed_recording(closed: Path, check: bool) -> None:
         }
         assert (info.truncated, info.damage, info.compression, info.library) == ("", (), ("zstd",), "tripod")
         assert info.size == closed.stat().st_size
+
+
+def test_a_recording_may_be_named_by_a_text(closed: Path) -> None:
+    assert read_info(str(closed)) == read_info(closed)
+    assert Bag(str(closed)).topics == Bag(closed).topics
 
 
 def test_the_text_for_people(closed: Path) -> None:

@@ -96,6 +96,9 @@ def test_a_body_that_is_flat_or_a_single_picture_is_packed_too() -> None:
         ({"bodies": (replace(sheet(), triangles=np.array([[0, 1, 36]])),)}, "sheet: * triangles of nodes 0 to 35"),
         ({"pieces": (replace(still(box((1, 1, 1))), poses=np.zeros((3, 7))),)}, "block: * poses of shape (4, 7)"),
         ({"curves": (Curve("angles", "rad", ("a",), np.zeros((4, 2))),)}, "angles: * values of shape (4, names)"),
+        ({"bodies": (replace(sheet(), colour=(0, 0, 256)),)}, "sheet: * a colour of three whole numbers 0 to 255"),
+        ({"bodies": (replace(sheet(), colour=(0.5, 0.5, 0.5)),)}, "sheet: * a colour of three whole numbers 0 to 255"),
+        ({"events": (Event(np.nan, "lost"),)}, "lost: * a time of each event"),
     ],
 )  # fmt: skip
 def test_arrays_that_make_no_film_are_named(change: dict[str, Any], why: str) -> None:

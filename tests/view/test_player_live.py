@@ -89,6 +89,20 @@ def test_a_run_without_a_step_is_no_film() -> None:
         film_of(arrays(0))
 
 
+@pytest.mark.parametrize("name", ["positions", "energies", "ball"])
+def test_arrays_of_another_length_are_named(name: str) -> None:
+    found = arrays()
+    found[name] = found[name][:-1]
+    with pytest.raises(FilmError, match=f"^{name}: a film needs 101 rows, one for each time"):
+        film_of(found)
+
+
+@pytest.mark.parametrize("steps", [[], [0, 101], [-1], [0.5]])
+def test_steps_that_a_run_has_not_are_refused(steps: Any) -> None:
+    with pytest.raises(FilmError, match=r"^steps: a film needs at least one, whole numbers from 0 to 100"):
+        film_of(arrays(), steps)
+
+
 def test_pictures_that_come_one_after_the_other_are_those_of_the_whole() -> None:
     whole, made = arrays(), 0
 

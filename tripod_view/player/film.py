@@ -112,6 +112,7 @@ class Film:
             _need(body.positions.shape[2] == 3, body.name, "three coordinates of each node")
             _need(bool(np.isfinite(body.positions).all()), body.name, "finite positions")
             _check_triangles(body.name, body.triangles, body.positions.shape[1])
+            _check_colour(body.name, body.colour)
         for piece in self.pieces:
             _need(
                 piece.vertices.ndim == 2 and piece.vertices.shape[1] == 3,
@@ -121,6 +122,9 @@ class Film:
             _need(bool(np.isfinite(piece.vertices).all()), piece.name, "finite vertices")
             _need(piece.poses is None or piece.poses.shape == (k, 7), piece.name, f"poses of shape ({k}, 7)")
             _check_triangles(piece.name, piece.triangles, len(piece.vertices))
+            _check_colour(piece.name, piece.colour)
+        for event in self.events:
+            _need(bool(np.isfinite(event.time)), event.text, "a time of each event")
         for curve in self.curves:
             _need(curve.values.shape == (k, len(curve.names)), curve.title, f"values of shape ({k}, names)")
 
@@ -129,6 +133,11 @@ def _check_triangles(name: str, triangles: IndexArray, count: int) -> None:
     _need(triangles.ndim == 2 and triangles.shape[1] == 3, name, "triangles of shape (m, 3)")
     within = triangles.size == 0 or (triangles.min() >= 0 and triangles.max() < count)
     _need(bool(within), name, f"triangles of nodes 0 to {count - 1}")
+
+
+def _check_colour(name: str, colour: Rgb) -> None:
+    fine = len(colour) == 3 and all(isinstance(c, int) and 0 <= c <= 255 for c in colour)
+    _need(fine, name, "a colour of three whole numbers 0 to 255")
 
 
 def _need(fine: bool, name: str, what: str) -> None:

@@ -11,7 +11,7 @@ from tripod_view.player.film import Film
 from tripod_view.player.packing import reel, stage
 
 
-def write_html(film: Film, path: Path) -> None:
+def write_html(film: Film, path: str | Path) -> None:
     """Write a page that plays `film`. Raises OSError where `path` cannot be written."""
     with replaced_text(path) as file:
         file.write(player_page(stage(film), reel(film)))

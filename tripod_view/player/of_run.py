@@ -55,6 +55,10 @@ def pictures(times: FloatArray, corners: int) -> NDArray[np.int64]:
     return np.unique(np.append(np.arange(0, count, stride), count - 1))
 
 
+MOVING = ("positions", "vertices", "energies", "effector", "angles", "torques", "slide", "ball", "rigid")
+"""Arrays that have a row for each time."""
+
+
 def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf) -> Film:
     """Return the film of a run.
 
@@ -64,7 +68,7 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
         after: Events up to this time are left out [s].
 
     Raises:
-        FilmError: arrays are missing or do not fit each other.
+        FilmError: arrays are missing or do not fit each other, or there are no such steps.
     """
     missing = [n for n in ("time", "positions", "triangles", "bodies", "scene", "version") if n not in arrays]
     if missing:
@@ -72,9 +76,15 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
             f"{', '.join(missing)}: not in this file; a recording that `tripod run --out` of this version has "
             "written is needed"
         )
+    count = len(arrays["time"])
+    if other := [n for n in MOVING if n in arrays and len(arrays[n]) != count]:
+        raise FilmError(f"{', '.join(other)}: a film needs {count} rows, one for each time")
     shown = arrays["vertices"] if "vertices" in arrays else arrays["positions"]
     if steps is None:
         steps = pictures(arrays["time"], shown.shape[1])
+    steps = np.asarray(steps)
+    if steps.dtype.kind != "i" or not steps.size or steps.min() < 0 or steps.max() >= count:
+        raise FilmError(f"steps: a film needs at least one, whole numbers from 0 to {count - 1}")
     try:
         scene = tomllib.loads(str(arrays["scene"]))
     except tomllib.TOMLDecodeError as error:
