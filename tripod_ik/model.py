@@ -158,10 +158,11 @@ class StaticModel:
         """Bring the servos to `angles` [rad], shape (s,), and return the state there.
 
         Raises:
+            IkError: `angles` has another shape or is not finite.
             SceneError: the angles are out of the scene's limits.
             StepError: no equilibrium on the way, or none that has a compliance; the model stays where it was.
         """
-        goal = np.append(self._image.back(angles), self.slide)
+        goal = np.append(self._image.back(self._angles(angles)), self.slide)
         if not np.array_equal(goal, self.simulation.command):
             before = self.simulation.save()
             try:
@@ -172,6 +173,10 @@ class StaticModel:
                 self._state = None
                 raise
         return self.state()
+
+    def _angles(self, angles: FloatArray) -> FloatArray:
+        """Return a copy of `angles`. Raises IkError: another shape, or not finite."""
+        return frozen("angles", angles, (len(self.simulation.torques),))
 
     def follow(
         self,
@@ -194,10 +199,11 @@ class StaticModel:
             passed: States on the way are put here, the last one with them.
 
         Raises:
+            IkError: `angles` has another shape or is not finite.
             SceneError: the angles are out of the scene's limits.
             StepError: the equilibria end on the way: the body would snap. The model stays where it was.
         """
-        begin, start = self.save(), self.angles
+        begin, start, angles = self.save(), self.angles, self._angles(angles)
         whole, done = angles - start, 0.0
         far = float(np.abs(whole).max())
         most = 1.0 / np.ceil(max(far / longest, 1.0))

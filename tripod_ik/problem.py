@@ -131,7 +131,7 @@ def build_ik(
             Zero where steps are corrected afterwards.
 
     Raises:
-        IkError: there is no task, or `previous` or `dt` is not finite, or has the wrong shape or sign.
+        IkError: there is no task, or `previous`, `dt` or `ahead` is not finite, or has the wrong shape or sign.
     """
     n = len(state.joint_names)
     if not tasks:
@@ -139,6 +139,8 @@ def build_ik(
     before = state.angles if previous is None else frozen("previous", previous, (n,))
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
+    if not 0 <= ahead < np.inf:
+        raise IkError(f"ahead is {ahead} rad; it must be finite and not negative")
     box = command_box(limits, Motion(state, before, dt))
     hold = np.minimum(np.maximum(before, box.low), box.high)
     keep = hold - state.angles

@@ -106,7 +106,15 @@ class IkSolver:
             polishing: Whether the solution is polished to the last digit; without it OSQP has to find all digits
                 itself, and takes ten times as many iterations.
             reuse: Whether the limits active in the last solution are tried before OSQP; needs polishing.
+
+        Raises:
+            IkError: a number is out of its range.
         """
+        for name, value, least in (("n", n, 1), ("rows", rows, 0), ("max_iterations", max_iterations, 1)):
+            if not value >= least:
+                raise IkError(f"{name} is {value}; it must be at least {least}")
+        if time_limit is not None and not time_limit > 0:
+            raise IkError(f"time_limit is {time_limit} s; it must be positive")
         self._size, self._polishing, self._reuse = n + rows, polishing, reuse and polishing
         self._last: tuple[FloatArray, FloatArray] | None = None
         prepare(n, rows)

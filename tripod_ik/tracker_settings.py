@@ -72,6 +72,10 @@ class TrackerSettings:
             raise IkError(f"tolerance is {self.tolerance} m; it must be positive")
         if not 0 <= self.lead <= 0.5:
             raise IkError(f"lead is {self.lead} s; allowed is 0 to 0.5 s")
+        try:
+            object.__setattr__(self, "goal", Goal(self.goal))
+        except ValueError:
+            raise IkError(f"goal is {self.goal!r}; allowed: {', '.join(Goal)}") from None
         self.tasks(np.zeros(3), UP)
 
     @cached_property

@@ -281,6 +281,14 @@ def test_a_pose_that_the_model_refuses_leaves_it_where_it_was(model):
     assert model.state().effector == pytest.approx(before.effector, abs=1e-15)
 
 
+@pytest.mark.parametrize("angles", [[-1.4, -1.4], np.full((3, 1), -1.4), [-1.4, -1.4, np.nan], "none"])
+def test_angles_that_are_none_of_the_model_are_refused(model, angles):
+    for way in (model.move, model.follow):
+        with pytest.raises(IkError, match="angles"):
+            way(angles)
+    assert model.angles == pytest.approx(WORKING, abs=1e-15)
+
+
 def test_a_pose_without_compliance_leaves_the_model_where_it_was(model, monkeypatch):
     before = model.state().effector.copy()
 

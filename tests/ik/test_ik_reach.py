@@ -125,6 +125,14 @@ def test_once_gives_angles_torques_and_what_is_missing():
     assert bound["position"][0] == pytest.approx(0.003, abs=1e-7)
 
 
+def test_a_goal_may_be_given_as_its_word_and_no_other_word():
+    scene, target = load_scene(SHARP, COARSE), [0.004, -0.002, -0.006]
+    result = solve_once(scene, target, goal="position", tilt=(0.2, 0.0), slide=0.035)
+    assert list(result["residuals"]) == ["position [m]"]
+    with pytest.raises(IkError, match="goal is 'positon'; allowed: position, orientation, pose"):
+        solve_once(scene, target, goal="positon", slide=0.035)
+
+
 def test_an_answer_tells_the_error_of_its_mesh_where_that_is_asked_for():
     words = [*COARSE, "clamp.stiffness=1.4e10", "mesh_error={}"]
     result = solve_once(load_scene(SHARP, words), [0.004, -0.002, -0.006], slide=0.035)

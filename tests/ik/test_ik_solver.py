@@ -379,7 +379,23 @@ def test_a_solver_of_another_size_is_refused():
         IkSolver(3).solve(typical())
 
 
-def test_previous_and_dt_are_checked():
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"n": 0}, "n is 0; it must be at least 1"),
+        ({"rows": -1}, "rows is -1; it must be at least 0"),
+        ({"max_iterations": 0}, "max_iterations is 0; it must be at least 1"),
+        ({"time_limit": -1.0}, "time_limit is -1.0 s; it must be positive"),
+        ({"time_limit": np.nan}, "time_limit is nan s; it must be positive"),
+    ],
+)
+def test_a_solver_that_cannot_be_is_refused_and_prints_nothing(given, message, capfd):
+    with pytest.raises(IkError, match=message):
+        IkSolver(**{"n": 3} | given)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_previous_dt_and_ahead_are_checked():
     state = SpringRobot().state(np.zeros(3))
     task = PositionTask(state.equilibrium)
     with pytest.raises(IkError, match=r"previous\[2\] is nan"):
@@ -387,6 +403,8 @@ def test_previous_and_dt_are_checked():
     for dt in (np.nan, -1.0, np.inf):
         with pytest.raises(IkError, match="dt is"):
             build_ik(state, [task], dt=dt)
+        with pytest.raises(IkError, match="ahead is"):
+            build_ik(state, [task], ahead=dt)
 
 
 def test_ctrl_c_during_a_solve_is_not_lost():
