@@ -75,7 +75,8 @@ def solve(
         watch: Called after each step.
 
     Raises:
-        PlayError: no maze of cells, no ball, or the period is no multiple of dt.
+        PlayError: no maze of cells, no ball, the period is no multiple of dt, or `limit` is negative or infinite.
+        StepError: a step could not be saved, or an explicit scheme is unstable.
     """
     eye, base, scene = eye or Eye(), settings or PlayerSettings(), simulation.scene
     servos = simulation.joints
@@ -89,6 +90,8 @@ def solve(
     dt, every, late = scene.dt, round(eye.period / scene.dt), int(np.ceil(eye.delay / eye.period - 1e-9))
     if abs(every * dt - eye.period) > 1e-9 or not every:
         raise PlayError(f"the period {eye.period} s is no multiple of the scene's dt {dt} s")
+    if not 0 <= limit < np.inf:
+        raise PlayError(f"limit is {limit:g} s; it must be finite and not negative")
     simulation.reset()
     observer = replace(base.observer, period=eye.period, delay=late * eye.period)
     clearance = 0.5 * (scene.maze.pitch - scene.maze.wall) - scene.ball.radius
@@ -119,4 +122,4 @@ def solve(
             return Solution(True, ball.goal_time, "goal reached", np.array(track))
         if ball.place is not Place.PLAYING:
             return Solution(False, ball.lost_time, simulation.ball_event, np.array(track))
-    return Solution(False, limit, f"goal not reached within {limit:g} s", np.array(track))
+    return Solution(False, limit, f"goal not reached within {limit:g} s", np.array(track).reshape(-1, 2))

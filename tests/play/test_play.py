@@ -149,6 +149,11 @@ def test_a_game_that_cannot_be_is_refused() -> None:
         solve(Simulation(load_scene("tripod", ["mesh.level=1"])), 0)
     with pytest.raises(PlayError, match=r"0.02 s is no multiple of the scene's dt 0.003 s"):
         solve(Simulation(load_scene("maze", ["mesh.level=1", "dt=0.003"])), 0)
+    maze = Simulation(load_scene("maze", ["mesh.level=1"]))
+    for limit in (-1.0, np.nan, np.inf):
+        with pytest.raises(PlayError, match=r"limit is .* s; it must be finite and not negative"):
+            solve(maze, 0, limit=limit)
+    assert solve(maze, 0, limit=0.0).track.shape == (0, 2)
     with pytest.raises(PlayError, match=r"eye noise is nan; allowed is 0 to 0\.1"):
         Eye(noise=float("nan"))
 
