@@ -99,9 +99,11 @@ class Simulation:
     Attributes:
         scene: What is simulated.
         mesh: Undeformed nodes, elements, surface triangles and topology id.
-        state: Positions, velocities, joints, time; read it, change it only through the methods.
+        state: Positions, velocities, joints, time, which each step overwrites; read it, change it only through the
+            methods.
         report: What the last step took.
-        torques: Torque that each servo exerts on the body, about its axis towards growing angle [N m], shape (s,).
+        torques: Torque that each servo exerts on the body, about its axis towards growing angle [N m], shape (s,); each
+            step makes a new array.
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
         notes: What users should know of the scene.
     """
@@ -311,7 +313,7 @@ class Simulation:
     def _pose(self, joints: FloatArray) -> None:
         """Bring the body to static equilibrium with its driven frames at `joints`."""
         self._static.stepper.step(self.state, joints, 0.0)
-        self.torques[:] = self._static.system.torques
+        self.torques = self._static.system.torques.copy()
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
@@ -365,7 +367,7 @@ class Simulation:
         else:
             until = self.state.time + self.scene.dt
             self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
-            self.torques[:] = self._system.torques
+            self.torques = self._system.torques.copy()
         if self._ball and self.state.ball and not self._parts.chosen:
             self._ball.follow(self.state, self.state.ball, self.scene.dt)
             self._load_ball()
@@ -412,7 +414,7 @@ class Simulation:
         goal[:-1] = motion.advance(self._next, angles, goal[:-1], self.torques, dt)
         report = self._stepper.step(self.state, self._goal(goal, self.state.time + dt), dt)
         self._next.copy_to(servos)
-        self.torques[:] = self._system.torques
+        self.torques = self._system.torques.copy()
         report.stalled = motion.stalled(servos, self.state.joints[: len(self.torques)], self.torques)
         self.report = report
 
@@ -443,7 +445,7 @@ class Simulation:
         self._start.copy_to(self.state)
         self._forget_rest()
         self._prepare()
-        self.torques[:] = self._start_torques
+        self.torques = self._start_torques.copy()
         self.report = StepReport()
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.start(self.state)
@@ -505,7 +507,7 @@ class Simulation:
                 f"the state is of another scene: torques of shape {np.shape(torques)}, here {self.torques.shape}"
             )
         state.copy_to(self.state)
-        self.torques[:] = torques
+        self.torques = np.array(torques, dtype=float)
         self._load_ball()
         self._forget_rest()
         self._stepper.forget()

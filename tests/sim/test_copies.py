@@ -79,3 +79,23 @@ def test_how_it_goes_on_depends_on_the_restored_state_alone(
 def test_a_name_in_place_of_a_scene_is_refused() -> None:
     with pytest.raises(SceneError, match=r"scene is 'tripod'; it must be what load_scene returns"):
         Simulation("tripod")  # type: ignore[arg-type]
+
+
+def test_what_a_program_keeps_of_a_step_stays_as_it_was() -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "mesh.element=h8_modes"]))
+
+    def told() -> list[np.ndarray]:
+        pose, c = simulation.effector, simulation.compliance()
+        assert pose
+        return [
+            simulation.torques, simulation.command, pose.position, pose.quaternion, c.w, c.torques, c.angles,
+            c.position, c.equilibrium_offset,
+        ]  # fmt: skip
+
+    go_on(simulation, 5)
+    kept = told()
+    then = [array.copy() for array in kept]
+    for change in (simulation.step, lambda: go_on(simulation, 5), simulation.reset):
+        change()
+        told()
+    assert all(np.array_equal(a, b) for a, b in zip(kept, then, strict=True))
