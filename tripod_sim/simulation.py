@@ -184,6 +184,10 @@ class Simulation:
         self._start_torques = self.torques.copy()
         self._prepare()
 
+    def __repr__(self) -> str:
+        """Return it in a few words, as a notebook shows it."""
+        return f"<Simulation of {self.scene.name!r}: {self.unknowns} unknowns, {self.state!r}>"
+
     def note(self, *notes: str) -> None:
         """Add to what users should know of the scene, and tell it."""
         self.notes += notes

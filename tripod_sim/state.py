@@ -52,6 +52,10 @@ class State(Copied):
     twin: "TwinState | None" = None
     way: "WayState | None" = None
 
+    def __repr__(self) -> str:
+        """Return it in a few words: the arrays would take pages."""
+        return f"<State of {len(self.positions)} nodes at {self.time:.6g} s, step {self.step}>"
+
     @classmethod
     def of_nodes(cls, positions: FloatArray, joints: FloatArray) -> "State":
         """Return nodes at rest, with neither modes nor rigid bodies; copies both."""

@@ -99,3 +99,10 @@ def test_what_a_program_keeps_of_a_step_stays_as_it_was() -> None:
         change()
         told()
     assert all(np.array_equal(a, b) for a, b in zip(kept, then, strict=True))
+
+
+def test_a_notebook_shows_a_simulation_and_a_state_in_one_line() -> None:
+    simulation = Simulation(load_scene("cloth", ["springs.nodes=5"]))
+    simulation.advance(3)
+    assert repr(simulation.save()[0]) == "<State of 25 nodes at 0.015 s, step 3>"
+    assert repr(simulation) == "<Simulation of 'cloth': 69 unknowns, <State of 25 nodes at 0.015 s, step 3>>"
