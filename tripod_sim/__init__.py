@@ -28,3 +28,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'tripod_sim' has no attribute {name!r}")
     return getattr(import_module(f"tripod_sim.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names too that are not imported yet: for `help` and completion."""
+    return sorted({*globals(), *__all__})

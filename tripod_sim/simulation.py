@@ -68,7 +68,13 @@ class Pose:
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies [J]; gravity is zero in the undeformed shape."""
+    """Energies [J].
+
+    Attributes:
+        kinetic: Of soft and rigid bodies.
+        strain: Of soft bodies, with that of compliant clamps.
+        gravity: Potential of weights and dead loads; zero in the undeformed shape.
+    """
 
     kinetic: float
     strain: float

@@ -588,6 +588,14 @@ def test_listing_scenes_loads_no_compiler() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_public_names_are_listed_before_they_are_imported() -> None:
+    told = "import pydoc, tripod_sim; print(dir(tripod_sim)); print(pydoc.plaintext.document(tripod_sim))"
+    text = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True).stdout
+    names, page = text.split("\n", 1)
+    assert all(f"'{name}'" in names for name in tripod_sim.__all__)
+    assert all(f"{name}(" in page for name in ("Simulation", "load_scene", "scene_names"))
+
+
 def test_an_unknown_public_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="module 'tripod_sim' has no attribute 'Simulator'"):
         _ = tripod_sim.Simulator
