@@ -108,7 +108,7 @@ def build_ik(
 
     and δ_hold the step to the allowed command nearest to the previous one, it is
 
-        minimise  (Σ |S (J δ - e)|² + μ |δ|²) / 2σ + ε |δ - δ_hold|² / 2 + |s|² / 2 + Σ PRICE |s_hard|
+        minimise  (Σ |S (J δ - e)|² + μ |δ|² + δ·B δ) / 2σ + ε |δ - δ_hold|² / 2 + |s|² / 2 + Σ PRICE |s_hard|
         with      low ≤ angles + δ ≤ high
                   row limits, see `row_limits`, each divided by k = |G|.
 
@@ -116,8 +116,9 @@ def build_ik(
     reachable targets are approached quadratically [YamashitaFukushima2001]; where the target cannot be reached the
     error remains, the second derivative of |e|² is J'J minus e times the curvature, and without μ the
     iteration would jump about the closest pose for ever once that second part is the larger one. With c at
-    least half of the curvature it converges. Damping counts from the present angles and not from the previous
-    command, since then a delay between command and state does not matter.
+    least half of the curvature it converges. Towards a snap J grows without bound: B, see `softening`, is zero where
+    the firmness has no slope, and for a posture alone. Damping counts from the present angles and not from the
+    previous command, since then a delay between command and state does not matter.
 
     Args:
         state: The linearised state.

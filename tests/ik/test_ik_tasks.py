@@ -1,5 +1,7 @@
 """Tasks on the quasi-static Tripod: their Jacobians are the slopes of their errors, and they add up as told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from tripod_ik.errors import IkError
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
-from tripod_ik.problem import build_ik
+from tripod_ik.problem import REGULARISATION, build_ik
 from tripod_ik.rotation import (
     normal_of,
     roll_pitch,
@@ -109,6 +111,25 @@ def test_posture_chooses_where_the_task_leaves_a_choice(home):
     assert np.abs(solution.state.angles - wanted).max() < 0.1
     assert np.ptp(solution.state.angles) > 0.2
     assert solution.state.equilibrium[2] == pytest.approx(-0.009, abs=2e-5)
+
+
+@pytest.mark.parametrize("slope", [[0.0, 0.0, 0.0], [0.5, -0.3, 0.8]])
+def test_the_program_has_the_cost_that_is_told(home, slope):
+    state = replace(home.state(), firmness=0.3, firmness_slope=np.array(slope))
+    tasks = [PositionTask([0.004, 0, -0.006], [1.0, 0.5, 0.0]), TiltTask([0.1, 0.2, 1.0])]
+    problem = build_ik(state, tasks)
+    rows = [task.rows(state) for task in tasks]
+    SJ = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
+    Se = np.concatenate([r.weights * r.error for r in rows])
+    mu = sum(r.curvature * np.linalg.norm(r.weights**2 * r.error) for r in rows)
+    sigma = np.sum(SJ**2) / 3 + mu
+    steep = float(np.linalg.norm(slope)) or 1.0
+    along = np.array(slope) / steep
+    grows = abs(Se @ SJ @ along) * steep / 0.3
+    for step in np.random.default_rng(1).normal(size=(5, 3)):
+        cost = np.sum((SJ @ step - Se) ** 2) - Se @ Se + mu * step @ step + grows * (along @ step) ** 2
+        told = cost / (2 * sigma) + REGULARISATION / 2 * step @ step
+        assert 0.5 * step @ problem.P @ step + problem.q @ step == pytest.approx(told, rel=1e-12)
 
 
 def test_distances_add_up_in_metres(home):
