@@ -60,7 +60,7 @@ UNSTABLE_START = (
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Position [m], shape (3,), and unit quaternion (x, y, z, w), shape (4,), in world."""
+    """Position [m], shape (3,), and unit quaternion (x, y, z, w), w at least 0, shape (4,), in world."""
 
     position: FloatArray
     quaternion: FloatArray
@@ -672,7 +672,7 @@ class Simulation:
         if (number := self._rigid_ball) is not None:
             return self.rigid[number]
         b = self.state.ball
-        return Pose(b.position.copy(), b.quaternion.copy()) if b else None
+        return Pose(b.position.copy(), math.copysign(1.0, b.quaternion[3]) * b.quaternion) if b else None
 
     @property
     def _rigid_ball(self) -> int | None:

@@ -203,6 +203,22 @@ def test_tilting_rolls_the_ball_and_reset_brings_it_back(overrides: list[str]) -
     assert play() == first
 
 
+def test_the_pose_of_a_ball_that_has_rolled_over_has_a_quaternion_with_positive_w() -> None:
+    simulation = Simulation(load_scene("maze", ["mesh.level=1"]))
+    ball, start = simulation.state.ball, simulation.command
+    assert ball
+    for k in range(400):
+        tilt = 0.06 * np.sin(0.03 * k)
+        simulation.step(start + np.array([tilt, -tilt, -tilt / 2, 0.0]))
+        pose = simulation.ball
+        assert pose
+        assert pose.quaternion[3] >= 0
+        assert abs(pose.quaternion @ ball.quaternion) == pytest.approx(1.0, abs=1e-12)
+        if ball.quaternion[3] < -0.1:
+            return
+    pytest.fail("the ball did not roll over")
+
+
 def test_a_ball_thrown_off_the_board_is_an_event() -> None:
     simulation = Simulation(load_scene("maze", ["mesh.level=1"]))
     ball = simulation.state.ball
