@@ -63,7 +63,7 @@ class State(Copied):
         return cls(positions.copy(), np.zeros_like(positions), modes, centres, rotations, joints.copy())
 
     def copy_to(self, other: "State") -> None:
-        """As for others, but written out: each step does it."""
+        """Overwrite `other` with this, without allocating; a part that only one of them has stays as it is."""
         other.positions[:] = self.positions
         other.velocities[:] = self.velocities
         other.modes[:] = self.modes

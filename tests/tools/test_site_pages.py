@@ -1,6 +1,7 @@
 """Pages of the site that are made: of notebooks, of files elsewhere in the repository, of docstrings, of tables."""
 
 import json
+import re
 from dataclasses import dataclass
 from importlib import import_module
 
@@ -8,7 +9,7 @@ import pytest
 
 from tools.reference import citations, copies, notebooks, scene_fields
 from tools.reference.docstrings import docstring
-from tools.reference.python_api import PARTS, signature
+from tools.reference.python_api import PARTS, page, signature
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.fields import number
 
@@ -111,3 +112,16 @@ def test_the_page_of_the_library_imports_names_from_where_they_are() -> None:
     named = [(m, name) for _, _, modules in PARTS for m, names in modules.items() for name in names]
     homes = [(m, getattr(import_module(m), name).__module__, name) for m, name in named]
     assert not [(m, home, name) for m, home, name in homes if home != m and m != "tripod_sim"]
+
+
+def test_the_page_of_the_library_has_what_is_computed_once_what_is_inherited_and_choices() -> None:
+    text = page()
+    for told in ("- **`jacobian`**: ", "- **`topics`**: ", "#### State.copy\n", "One of `Outcome.REACHED`, "):
+        assert told in text
+
+
+def test_the_page_of_the_library_tells_where_each_error_comes_from() -> None:
+    text = page()
+    raised = re.findall(r"\b(?:Scene|Step|Film|Record|Ik|Play|Calibration)Error\b", text)
+    assert len(set(raised)) == 7
+    assert not [name for name in set(raised) if f"\n### {name}\n" not in text]

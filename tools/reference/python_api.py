@@ -3,6 +3,8 @@
 import inspect
 import re
 from collections.abc import Iterator
+from enum import Enum
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
@@ -39,9 +41,10 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
         {
             "tripod_sim.recording": ("Recording",),
             "tripod_view.player.of_run": ("film_of",),
-            "tripod_view.player.film": ("Film", "Deforming", "Piece", "Curve", "Event"),
+            "tripod_view.player.film": ("Film", "Deforming", "Piece", "Curve", "Event", "FilmError"),
             "tripod_view.player.html": ("write_html",),
             "tripod_record.bag": ("Bag",),
+            "tripod_record.errors": ("RecordError",),
         },
     ),
     (
@@ -59,6 +62,7 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
             "tripod_ik.problem": ("build_ik", "IkProblem"),
             "tripod_ik.solver": ("solve_ik", "IkSolver", "IkResult"),
             "tripod_ik.reach": ("reach", "Reach"),
+            "tripod_ik.errors": ("IkError",),
         },
     ),
     (
@@ -66,7 +70,8 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
         "Play the maze; turn angles into pulses.",
         {
             "tripod_play.solve": ("solve", "Solution", "Eye"),
-            "tripod_driver.calibration": ("Calibration", "ServoCalibration"),
+            "tripod_play.errors": ("PlayError",),
+            "tripod_driver.calibration": ("Calibration", "ServoCalibration", "CalibrationError"),
         },
     ),
 )
@@ -90,6 +95,10 @@ def _entry(name: str, what: Any) -> Iterator[str]:
     if inspect.isclass(what) and issubclass(what, Exception):
         yield f"{docstring(what).prose}\n"
         return
+    if inspect.isclass(what) and issubclass(what, Enum):
+        yield f"{docstring(what).prose}\n"
+        yield f"One of {', '.join(f'`{name}.{one.name}`' for one in what)}.\n"
+        return
     yield f"```python\n{name}{signature(what)}\n```\n"
     yield from _text(what)
     if not inspect.isclass(what):
@@ -97,10 +106,11 @@ def _entry(name: str, what: Any) -> Iterator[str]:
     init = what.__dict__.get("__init__")
     if init is not None and init.__doc__:
         yield from _text(init)
-    for method, value in vars(what).items():
+    own = [vars(base) for base in reversed(what.__mro__) if base.__module__.startswith("tripod_")]
+    for method, value in {name: value for part in own for name, value in part.items()}.items():
         if method.startswith("_") or not _is_documented(value):
             continue
-        if isinstance(value, property):
+        if isinstance(value, property | cached_property):
             yield f"- **`{method}`**: {cell(docstring(value).prose)}\n"
             continue
         function = getattr(value, "__func__", value)
@@ -109,7 +119,7 @@ def _entry(name: str, what: Any) -> Iterator[str]:
 
 
 def _is_documented(value: Any) -> bool:
-    kinds = (property, classmethod, staticmethod)
+    kinds = (property, cached_property, classmethod, staticmethod)
     return (inspect.isfunction(value) or isinstance(value, kinds)) and bool(getattr(value, "__doc__", None))
 
 
