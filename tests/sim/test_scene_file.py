@@ -386,6 +386,7 @@ def test_a_scene_keeps_no_array_of_whoever_makes_it() -> None:
         ({"mesh": "y_piece"}, "mesh is 'y_piece'; it must be a Mesh"),
         ({"marker": {"set": "all"}}, "marker is one table; it must be a list of them"),
         ({"name": None}, "name is None; it must be text"),
+        ({"dt": "auto"}, r"dt is 'auto'; that is for load_scene: load_scene\(..., \['dt=auto'\]\)"),
     ],
 )
 def test_a_scene_of_a_program_is_checked_as_one_of_a_file(changes: dict[str, Any], message: str) -> None:

@@ -90,6 +90,8 @@ def _one(kind: Any, value: Any, path: str, unit: str) -> Any:
         return float(value)
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value
+    if path == "dt" and value == "auto":  # not of a file: there it is written out before
+        raise SceneError("dt is 'auto'; that is for load_scene: load_scene(..., ['dt=auto'])")
     if path == "dt":
         raise SceneError(f"dt is {shown(value)}; it must be a number of seconds, or auto")
     units = f" in {unit}, or with its unit: {', '.join(units_of(unit))}" if kind is float and unit else ""
