@@ -163,6 +163,9 @@ class Simulation:
             self.state.rigid = parts.rigid.start.copy()
         self._begin_errors(parts)
         self.torques = np.zeros(count)
+        self._held_by = np.full(
+            self.state.positions.shape if scene.marker else (0, 3), np.nan
+        )  # see `reactions`
         self.report = StepReport()
         self.left_out: tuple[int, ...] = ()
         self._rest: RestState | None = None
@@ -186,7 +189,7 @@ class Simulation:
         self._begin_motion(parts)
         self._rest = self._state_of_rest()
         self._mesh_error = self._begin_mesh_error(parts)
-        self._start = self.state.copy()
+        self._start, self._start_held_by = self.state.copy(), self._held_by.copy()
         self._start_torques = self.torques.copy()
         self._prepare()
 
@@ -322,7 +325,9 @@ class Simulation:
 
     def _pose(self, joints: FloatArray) -> None:
         """Bring the body to static equilibrium with its driven frames at `joints`."""
+        self._held_by.fill(np.nan)
         self._static.stepper.step(self.state, joints, 0.0)
+        self._keep_forces(self._static.system)
         self.torques = self._static.system.torques.copy()
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
@@ -377,6 +382,7 @@ class Simulation:
         else:
             until = self.state.time + self.scene.dt
             self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
+            self._keep_forces(self._system)
             self.torques = self._system.torques.copy()
         if self._ball and self.state.ball and not self._parts.chosen:
             self._ball.follow(self.state, self.state.ball, self.scene.dt)
@@ -410,12 +416,18 @@ class Simulation:
         many = getattr(self._stepper, "advance", None)
         if many and not (self._servos or self._ball):
             self.report = many(self.state, self.command, self.scene.dt, steps)
+            self._keep_forces(self._system)
             return self.report
         total = StepReport()
         for _ in range(steps):
             total = self.step().after(total)
         self.report = total
         return total
+
+    def _keep_forces(self, system: "System | SpringSystem | RigidSystem") -> None:
+        """Keep what holds the nodes at the end of a step, for `reactions`: `system` is evaluated elsewhere, too."""
+        if self.scene.marker and isinstance(system, System):
+            self._held_by[:] = system.gradient
 
     def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> None:
         """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
@@ -424,6 +436,7 @@ class Simulation:
         goal[:-1] = motion.advance(self._next, angles, goal[:-1], self.torques, dt)
         report = self._stepper.step(self.state, self._goal(goal, self.state.time + dt), dt)
         self._next.copy_to(servos)
+        self._keep_forces(self._system)
         self.torques = self._system.torques.copy()
         report.stalled = motion.stalled(servos, self.state.joints[: len(self.torques)], self.torques)
         self.report = report
@@ -456,6 +469,7 @@ class Simulation:
         self._forget_rest()
         self._prepare()
         self.torques = self._start_torques.copy()
+        self._held_by[:] = self._start_held_by
         self.report = StepReport()
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.start(self.state)
@@ -518,6 +532,7 @@ class Simulation:
             )
         state.copy_to(self.state)
         self.torques = np.array(torques, dtype=float)
+        self._held_by.fill(np.nan)
         self._load_ball()
         self._forget_rest()
         self._stepper.forget()
@@ -655,13 +670,15 @@ class Simulation:
         """Return the force [N] on the nodes of a marker from what holds or moves them, and its moment about the origin.
 
         That is the gradient of the last step's potential there, in implicit schemes with the inertia of the nodes
-        themselves, so that it is about zero where nodes are free; in explicit ones where nodes are held alone. Raises
-        SceneError for a body of springs, and where the scene has no such marker.
+        themselves, so that it is about zero where nodes are free; in explicit ones where nodes are held alone. It is
+        NaN where the state is neither the end of a step nor a pose of rest: before the first step, after `restore`.
+
+        Raises SceneError for a body of springs, and where the scene has no such marker.
         """
         nodes = self._marked(marker)
         if not isinstance(self._system, System):
             raise SceneError("springs do not tell what holds them")
-        forces = self._system.gradient[nodes]
+        forces = self._held_by[nodes]
         if self.scene.inertia and self.scene.inertia.scheme in EXPLICIT:
             forces = forces * self._system.groups.held()[nodes]
         return forces.sum(axis=0), np.cross(self.state.positions[nodes], forces).sum(axis=0)
@@ -737,14 +754,6 @@ class Simulation:
         system = self._static.system
         if not isinstance(system, System):
             raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
-        gradient = system.gradient.copy()
-        try:
-            return self._compliance(system)
-        finally:
-            system.gradient[:] = gradient  # of the last step, for `reactions`
-
-    def _compliance(self, system: System) -> Compliance:
-        """As `compliance`, of the static `system`, which is evaluated elsewhere."""
         held = None
         if contact_of(self.scene):
             from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numba import typeof
 
-from tripod_sim import SceneError, Simulation, load_scene
+from tests.scenes import SHARP
+from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.run import run
 
@@ -361,6 +362,39 @@ def test_markers_of_bodies_in_a_list_tell_what_holds_them(tmp_path: Path) -> Non
     words = ['fixed=[{set="end"}]', "gravity={}", "body.0.material.mass=2e-3", "solver.tolerance=1e-9"]
     held = run(str(tmp_path / "listed.toml"), duration=0.01, overrides=words)["markers"][0]["force"]
     assert held == pytest.approx([0.0, 0.0, 2e-3 * 9.81], abs=1e-7)
+
+
+@pytest.mark.parametrize("words", [[], ["inertia={}", "damping={}", "material.mass=0.01"]])
+def test_what_holds_a_marker_is_of_the_present_state_or_not_known(words: list[str], block: str) -> None:
+    pull = 'prescribed=[{set="end", move="0: 0,0,0; 0.2: 2e-3,0,0"}]'
+    simulation = Simulation(load_scene(block, [ALONG, pull, *words]))
+    assert np.isnan(simulation.reactions(0)).all()
+    simulation.advance(5)
+    there, force = simulation.save(), simulation.reactions(0)[0]
+    assert force[0] > 0.1
+    simulation.reset()
+    assert np.isnan(simulation.reactions(0)).all()
+    simulation.restore(there)
+    assert np.isnan(simulation.reactions(0)).all()
+    simulation.step()
+    assert simulation.reactions(0)[0][0] > force[0]
+
+
+def test_what_holds_a_marker_stays_as_it_was_where_a_step_fails() -> None:
+    watched = ['set=[{name="arm", low=[0.03,-1,-1], high=[1,1,1]}]', 'marker=[{set="arm"}]']
+    words = [*watched, "mesh.level=1", "solver.max_iterations=14", "solver.max_halvings=0"]
+    simulation = Simulation(load_scene(SHARP, words))
+    simulation.step()
+    force, moment = simulation.reactions(0)
+    assert np.abs(force).max() > 1e-3
+    with pytest.raises(StepError):
+        simulation.step(np.array([-2.1, 0.6, -2.1, 0.04]))
+    assert np.array_equal(simulation.reactions(0), (force, moment))
+    simulation.reset()
+    start = simulation.reactions(0)[0]
+    assert np.isfinite(start).all()
+    simulation.rest_at(simulation.command)
+    assert simulation.reactions(0)[0] == pytest.approx(start, abs=1e-3)
 
 
 @pytest.mark.parametrize("marker", [1, -1, "end", 0.5])
