@@ -51,10 +51,12 @@ class BoundedNewton(Newton):
         super().forget()
         self.bound.relax()
 
-    def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
+    def solve(
+        self, state: State, joints: FloatArray, *, keep: float | None = None, factored: bool = False
+    ) -> NewtonReport:
         """Move `state` to the minimum within the bound, in place; see `Newton.solve`."""
         self._note_rounding(state)
-        total, before = super().solve(state, joints, keep=keep), np.inf
+        total, before = super().solve(state, joints, keep=keep, factored=factored), np.inf
         for _ in range(MOST_ROUNDS):
             error = self.bound.settle(state.positions)
             if error <= 1.0:
