@@ -33,6 +33,9 @@ NEAR, SOFT = 0.07, 0.25
 """Firmness below which a snap is near, as inverse kinematics has it; and below which a mesh a little too stiff may lead
 to another equilibrium at rest, or err by far more than elsewhere (`benchmarks/promise_branches.py`)."""
 
+SLACK = 0.75
+"""Firmness below which, in motion, the mesh errs by more than it is told to (`benchmarks/mesh_error.py`)."""
+
 MOVE = 2e-5
 """ε |u|: how far a node is moved, at most [m]."""
 

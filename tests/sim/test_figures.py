@@ -52,21 +52,30 @@ def test_damping_loses_energy_and_a_stable_scheme_never_gains_any() -> None:
 
 
 @pytest.mark.parametrize(
-    ("firmness", "at_rest", "told"),
+    ("firmness", "at_rest", "estimated", "told"),
     [
-        ([0.2, 1.5], True, "firmness 0.20 at 1.5 s: so soft a pose errs more often"),
-        ([0.2, 1.5], False, None),
-        ([0.05, 1.5], False, "near, firmness 0.05 at 1.5 s: another equilibrium"),
-        ([0.05, 1.5], True, "near, "),
-        ([0.4, 0.0], True, None),
-        (None, True, None),
+        ([0.2, 1.5], True, False, "firmness 0.20 at 1.5 s: so soft a pose errs more often"),
+        ([0.2, 1.5], False, False, None),
+        (
+            [0.7, 1.5],
+            False,
+            True,
+            "firmness 0.70 at 1.5 s: so soft a body swings and snaps otherwise on each mesh",
+        ),
+        ([0.7, 1.5], True, True, None),
+        ([0.8, 1.5], False, True, None),
+        ([0.05, 1.5], False, True, "near, firmness 0.05 at 1.5 s: another equilibrium"),
+        ([0.05, 1.5], True, False, "near, "),
+        ([0.4, 0.0], True, False, None),
+        (None, True, True, None),
     ],
 )
 def test_a_pose_that_is_soft_or_near_a_snap_is_told(
-    firmness: list[float] | None, at_rest: bool, told: str | None
+    firmness: list[float] | None, at_rest: bool, estimated: bool, told: str | None
 ) -> None:
     _, books = run("pendulum", 1)
-    found = stability(StepReport(), 0, books.balance, 0.005, firmness, at_rest=at_rest)
+    report = StepReport(mesh_error=MeshErrorReport((0.0, 0.0, 0.0), 0.0)) if estimated else StepReport()
+    found = stability(report, 0, books.balance, 0.005, firmness, at_rest=at_rest)
     lines = dict(stability_lines(asdict(found)))
     line = lines.get("snap")
     assert line is None if told is None else line.startswith(told)

@@ -8,7 +8,7 @@ from typing import Any
 
 from tripod_sim.figures.energy import SWAY, TINY, Balance
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.softness import NEAR, SOFT
+from tripod_sim.softness import NEAR, SLACK, SOFT
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Stability:
         contact_error: Largest error of gap, complementarity or slip [m]; None without contact.
         firmness: Least firmness that was seen (see `softness`), and when [s]; None where it is not known.
         at_rest: Whether every step is an equilibrium.
+        estimated: Whether the error of the mesh is told.
         unstable: What an unstable scheme does, in words; empty where it is stable.
     """
 
@@ -42,6 +43,7 @@ class Stability:
     contact_error: float | None = None
     firmness: list[float] | None = None
     at_rest: bool = False
+    estimated: bool = False
     unstable: str = ""
 
 
@@ -83,6 +85,7 @@ def stability(
         dt_limit=report.dt_limit if explicit else None,
         firmness=firmness,
         at_rest=at_rest,
+        estimated=report.mesh_error is not None,
         unstable=report.instability,
         **found,
     )
@@ -105,21 +108,31 @@ def stability_lines(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     if figures["contacts"] is not None:
         rows.append(("contacts", f"{figures['contacts']}, {figures['pressed']} of them pressed"))
         rows.append(("penetration", f"{1e3 * figures['penetration']:.2g} mm beyond the contact distance"))
-    if figures["firmness"] and (words := snap_words(*figures["firmness"], at_rest=figures["at_rest"])):
-        rows.append(("snap", words))
+    if figures["firmness"]:
+        told = {name: figures[name] for name in ("at_rest", "estimated")}
+        if words := snap_words(*figures["firmness"], **told):
+            rows.append(("snap", words))
     if figures["unstable"]:
         rows.append(("unstable", figures["unstable"]))
     return rows
 
 
-def snap_words(firmness: float, time: float, *, at_rest: bool = False) -> str:
-    """Return what is to say of a body's firmness at a time [s], in motion or `at_rest`; empty where it is firm."""
+def snap_words(firmness: float, time: float, *, at_rest: bool = False, estimated: bool = False) -> str:
+    """Return what is to say of a body's firmness at a time [s], in motion or `at_rest`; empty where it is firm.
+
+    `estimated`: whether the error of the mesh is told.
+    """
     if firmness < NEAR:
         return f"near, firmness {firmness:.2f} at {time:.4g} s: another equilibrium may be close by"
     if at_rest and firmness < SOFT:
         return (
             f"firmness {firmness:.2f} at {time:.4g} s: so soft a pose errs more often by more than is promised, or has "
             "another equilibrium"
+        )
+    if estimated and not at_rest and firmness < SLACK:
+        return (
+            f"firmness {firmness:.2f} at {time:.4g} s: so soft a body swings and snaps otherwise on each mesh; it errs "
+            "by more than is told"
         )
     return ""
 
