@@ -19,6 +19,8 @@ SHOWN = (
 )  # fmt: skip
 """Topics of which a table is made unless others are asked for."""
 
+STAMP = "builtin_interfaces/msg/Time"
+
 LABELS = ("name", "joint_names")
 """Fields that name the entries of the others."""
 
@@ -90,13 +92,12 @@ def table(series: dict[str, Series]) -> dict[str, FloatArray]:
 
 
 def numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield dotted name and value of the numbers in a decoded message, at any depth, stamps left out.
+    """Yield dotted name and value of the numbers in a decoded message, at any depth, but stamps and constants.
 
     Entries of short arrays are named by a field `name` or `joint_names` of the same message, else by their place.
     """
-    fields = {
-        name: value for name, value in vars(message).items() if not name.startswith("__") and name != "header"
-    }
+    # rosbags keeps constants and the type's name beside the fields, whose names alone begin with a small letter
+    fields = {name: value for name, value in vars(message).items() if name[0].islower()}
     labels = next((fields[name] for name in LABELS if isinstance(fields.get(name), list)), None)
     for name, value in fields.items():
         if isinstance(value, bool | int | float | np.number):
@@ -107,5 +108,5 @@ def numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
                 yield from (
                     (f"{path}{name}.{label}", float(v)) for label, v in zip(known, value, strict=True)
                 )
-        elif hasattr(value, "__msgtype__"):
+        elif getattr(value, "__msgtype__", STAMP) != STAMP:
             yield from numbers(value, f"{path}{name}.")

@@ -9,11 +9,11 @@
 | `positions` | k, n, 3 | of the nodes, those of rigid bodies last [m] |
 | `vertices` | k, v, 3 | what shows a body that has no surface of its own (a chain) [m]; else it is not there |
 | `triangles` | t, 3 | of the surface: indices of `vertices`, or else of `positions` |
-| `bodies` | b | how many of these the soft body has (0: there is none), then each rigid one |
+| `bodies` | b | how many of these each soft body has (a single 0: there is none), then each rigid one |
 | `energies` | k, 3 | kinetic, strain, of gravity [J] |
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
-| `arms` | s, 13 | where they stand: hub [m], quaternion of the body, direction of the slide, lengths [m]; with servos |
+| `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
 | `slide` | k | of the servo bodies [m] |
 | `ball` | k, 7 | pose of the ball; with a ball |
 | `rigid` | k, r, 7 | poses of rigid bodies; with any |

@@ -131,6 +131,16 @@ def test_errors_of_steps_and_mesh_are_drawn_where_the_recording_has_them(tmp_pat
     assert read_series(new)["/sim/status"].values["effector_mesh_error"].tolist() == [9e-5, -1]
 
 
+def test_constants_and_stamps_are_no_columns(tmp_path: Path) -> None:
+    line, parts = "=" * 80 + "\n", []
+    parts.append("uint8 IDLE=0\nuint8 state\ntripod_msgs/Authority authority\n")
+    parts.append("MSG: tripod_msgs/Authority\nuint8 STOP=0\nuint8 mode\nbuiltin_interfaces/Time stamp\n")
+    parts.append("MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n")
+    bag = written(tmp_path / "bag", line.join(parts), struct.pack("<BBxxiI", 3, 1, 7, 8))
+    values = read_series(bag)["/sim/status"].values
+    assert {name: v.tolist() for name, v in values.items()} == {"state": [3], "authority.mode": [1]}
+
+
 def test_a_message_that_ends_with_an_empty_sequence_is_read_as_rclpy_pads_it(tmp_path: Path) -> None:
     """Of a scene without servos `sim/status` ends so."""
     said = struct.pack("<dI", 0.5, 0)

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,10 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tripod_sim import SceneError, Simulation, StepError, load_scene, scene_names
+from tripod_sim import SceneError, Simulation, StepError, load_scene, recording, scene_names
 from tripod_sim import run as run_module
 from tripod_sim.run import run
 from tripod_sim.scene_short import effector_of, joints_of, rigids_of, soft_bodies
+
+KEYS = [line for line in str(recording.__doc__).splitlines() if line.startswith("| `")]
+"""Rows of the table of what a run's file holds."""
 
 COARSE = ["mesh.level=1"]
 TRIPOD = [*COARSE, "mesh.element=h8_modes", "inertia.scheme=implicit_euler", "dt=0.005"]
@@ -176,6 +180,11 @@ def test_a_recording_changes_nothing(recorded) -> None:
     assert {**alone, "step_ms": None} == {**recorded[0], "step_ms": None}
 
 
+def test_the_page_has_the_keys_of_a_runs_file() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "seeing.md").read_text(encoding="utf-8")
+    assert "\n".join(KEYS) in page
+
+
 @pytest.mark.parametrize("name", scene_names())
 def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
@@ -190,6 +199,7 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
         == (joints.count if (joints := joints_of(scene)) else 0)
     )
     with np.load(out) as arrays:
+        assert set(arrays) <= {name for row in KEYS for name in re.findall(r"`(\w+)`", row.split("|")[1])}
         assert ("effector" in arrays) == (effector_of(scene) is not None)
         assert all(np.isfinite(arrays[n]).all() for n in arrays if arrays[n].dtype.kind == "f")
         corners = arrays["vertices" if "vertices" in arrays else "positions"].shape[1]
