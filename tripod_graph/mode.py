@@ -182,9 +182,10 @@ class ModeTracker:
         decided = now - age
         own = decision.source == self.source and decision.stamp > self.stamp  # by one clock, be it wrong
         if not (own or decided >= self._decided):  # NaN decides nothing
-            self.ignored.add(
-                decision.source, f"{decision}: older than what is in force, {self._in_force()}", now
-            )
+            why = f"older than what is in force, {self._in_force()}"
+            if decision.source == self.lost:
+                why = "its operator was silent for too long; decide anew, with a new stamp"
+            self.ignored.add(decision.source, f"{decision}: {why}", now)
             return lapsed
         self._enforce(decision, decided, now)
         return True

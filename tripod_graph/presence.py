@@ -1,7 +1,7 @@
 """Who publishes a topic already: two that publish the same would mix."""
 
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -57,23 +57,27 @@ def _elsewhere(node: Any, topics: Collection[str]) -> tuple[str, str] | None:
 
 
 class Mix:
-    """Tells whether several nodes publish a topic that a node hears; one that was killed a moment ago is none."""
+    """Tells whether several nodes publish a topic that a node hears; one whose place another has taken is none.
+
+    Each publisher counts its messages: where another takes its place the numbers fall once, in turns again and again.
+    """
 
     def __init__(self, node: Any, topic: str) -> None:
         self._node, self._topic = node, topic
-        self._number, self._fell = -1, float("-inf")
+        self._number = -1
+        self._falls = deque([float("-inf")] * 2, maxlen=2)
 
     def hear(self, info: Mapping[str, Any]) -> None:
-        """Take what the middleware tells of a message: each publisher counts its own."""
+        """Take what the middleware tells of a message."""
         number = info["publication_sequence_number"] or 0  # not every middleware counts
         if number <= self._number:
-            self._fell = time.monotonic()
+            self._falls.append(time.monotonic())
         self._number = number
 
     @property
     def mixed(self) -> bool:
         """Whether several publish it now."""
-        return time.monotonic() - self._fell < STALE and self._node.count_publishers(self._topic) > 1
+        return time.monotonic() - self._falls[0] < STALE and self._node.count_publishers(self._topic) > 1
 
 
 class Rival:

@@ -255,6 +255,9 @@ def test_an_operator_that_returns_soon_goes_on_and_later_has_to_decide_anew() ->
     assert tracker.lapse(late)
     assert not tracker.hear(Decision(1, "a", 990.0), 1000.0 + late, late)
     assert (tracker.mode, tracker.lost) == (Mode.STOP, "a")
+    assert tracker.ignored.last == (
+        "TELEOP by a, stamped 990.000 s: its operator was silent for too long; decide anew, with a new stamp"
+    )
     assert tracker.hear(Decision(1, "a", 1000.0 + late), 1000.0 + late, late)
     assert (tracker.mode, tracker.lost) == (Mode.TELEOP, "")
 

@@ -1,6 +1,7 @@
 """Two nodes that publish the same topics tell of each other, and of nobody who only was there."""
 
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ from std_msgs.msg import String
 
 from tests.graph.bench import Bench
 from tripod_graph import presence
-from tripod_graph.presence import Rival
+from tripod_graph.presence import Mix, Rival
 from tripod_graph.qos import RELIABLE
 
 pytestmark = pytest.mark.ros
@@ -75,3 +76,16 @@ def test_one_that_is_known_but_silent_is_none(bench: Bench) -> None:
     bench.wait(each_speaks([teller], lambda: next(looks) == 50), "more looks")
     assert silent.node.count_publishers("sim/status") == 2
     assert not teller.rival.notice
+
+
+@pytest.mark.parametrize(
+    ("numbers", "mixed"),
+    [([500, 501, 1, 2, 3], False), ([500, 1, 501, 2], True), ([1, 1, 2, 2], True)],
+    ids=["one after the other", "in turns", "begun together"],
+)
+def test_who_takes_the_place_of_another_does_not_mix(numbers: list[int], mixed: bool) -> None:
+    """A publisher is still known for a while after it has gone, as when the simulator begins anew."""
+    mix = Mix(SimpleNamespace(count_publishers=lambda topic: 2), "sim/status")
+    for number in numbers:
+        mix.hear({"publication_sequence_number": number})
+    assert mix.mixed is mixed
