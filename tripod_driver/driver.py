@@ -40,6 +40,7 @@ class Driver:
         memory: The newest packet, for a board that has forgotten it.
         period: Shortest time between two changes [s].
         keep_alive: Longest time between two packets [s].
+        wanted: Whether the port should be open; else it is closed on purpose.
         packets_sent: Packets handed to the port.
         bytes_sent: Their bytes.
     """
@@ -66,7 +67,7 @@ class Driver:
         self.memory = Memory() if memory is None else memory
         self.packets_sent, self.bytes_sent = 0, 0
         self.period, self.keep_alive = period, keep_alive
-        self._connected = False
+        self.wanted = False
         self._content: Content | None = None
         self._firm: Content | None = None  # the newest that is acknowledged, in this conversation
         self._sent_at = self._due = float("-inf")
@@ -96,14 +97,14 @@ class Driver:
 
     def connect(self) -> None:
         """Let `tick` open the port, and open it again whenever it is lost; a fault is forgotten."""
-        self._connected = True
+        self.wanted = True
         self.safety.clear()
         if self.link.state is LinkState.FAULT:
             self.link.close()
 
     def disconnect(self, now: float) -> None:
         """Close the port and give no more angles."""
-        self._connected = False
+        self.wanted = False
         self._content = None
         self.safety.deactivate()
         self.link.close()
@@ -112,7 +113,7 @@ class Driver:
     def tick(self, now: float) -> bool:
         """Do what is due at `now` [s]; return whether a packet was sent. Call it at least at the packet rate."""
         self.safety.look(now)
-        if not self._connected or not self._poll(now):
+        if not self.wanted or not self._poll(now):
             return False
         if self.link.session.settled:
             self._firm = self._content

@@ -233,7 +233,7 @@ class DriverNode(LifecycleNode):
         late = short("the machine is too busy: looks at what is to be sent", found, declared)
         odd = driver.message or self._rival.notice or late
         level = Level.WARN if odd else Level.OK
-        if safety.state in (State.DISCONNECTED, State.FAULT):
+        if self._in_trouble(safety.state):
             level = Level.ERROR
         return (
             level,
@@ -254,6 +254,9 @@ class DriverNode(LifecycleNode):
             },
         )
 
+    def _in_trouble(self, state: State) -> bool:
+        return state is State.FAULT or (state is State.DISCONNECTED and self._driver.wanted)
+
     def _log_change(self, state: State, message: str) -> None:
         """Log a state that is new; a link that goes or comes at a level that is seen."""
         if (warning := self._driver.memory.warning) and warning != self._warned:
@@ -263,7 +266,7 @@ class DriverNode(LifecycleNode):
             return
         self._logged = state
         text = f"{state.name.lower()}: {message}" if message else state.name.lower()
-        if state in (State.DISCONNECTED, State.FAULT):
+        if self._in_trouble(state):
             self.get_logger().error(text)
         else:
             self.get_logger().info(f"{text} ({self._driver.link.port.name})")
@@ -297,8 +300,12 @@ class DriverNode(LifecycleNode):
         def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
             try:
                 return change(request, response)
-            except RuntimeError as error:  # RCLError, which rclpy does not export
-                self.get_logger().warning(f"transition refused: {error}")
+            except RuntimeError:  # RCLError, which rclpy does not export
+                asked, state = request.transition, self._state_machine.current_state[1]
+                allowed = ", ".join(f"{one[0]} {one[1]}" for one in self._state_machine.available_transitions)
+                self.get_logger().warning(
+                    f"transition {asked.label or asked.id} is refused in the state {state}; allowed: {allowed}"
+                )
                 response.success = False
                 return response
 

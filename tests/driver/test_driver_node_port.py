@@ -335,6 +335,8 @@ def test_lifecycle_configure_opens_and_activate_moves(board, operator, client, s
     assert state() == "finalized"
     assert driver.stop() == 0
     assert "Traceback" not in driver.log
+    assert "transition 3 is refused in the state unconfigured; allowed: 1 configure, 5 shutdown" in driver.log
+    assert "[ERROR]" not in driver.log, "what a manager asks for is no trouble"
 
 
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
