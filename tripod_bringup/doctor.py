@@ -16,6 +16,8 @@ from pathlib import Path
 from tripod_bringup.check import Check, Verdict
 from tripod_bringup.doctor_ports import ask_device, check_ports
 from tripod_bringup.lock import DomainError, domain_id
+from tripod_graph.log_place import check_log_place, log_place
+from tripod_graph.loopback import check_loopback
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place, free_space
 
@@ -103,6 +105,17 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Check:
             "ROS discovery", Verdict.OK, found, advice + "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
         )
     return Check("ROS discovery", Verdict.OK, found)
+
+
+def check_start(environment: Mapping[str, str] = os.environ) -> Check:
+    """Whether a node could start: it needs the loopback interface and a place for ROS's logs."""
+    try:
+        check_loopback()
+        check_log_place(environment)
+    except OSError as error:
+        found, _, advice = str(error).partition("; ")
+        return Check("start of nodes", Verdict.FAIL, found, advice)
+    return Check("start of nodes", Verdict.OK, f"loopback works, logs in {log_place(environment)}")
 
 
 def check_messages(run: Callable[[str], Probe] = probe) -> Check:
@@ -223,6 +236,7 @@ def examine(recordings: Path, *, ask: bool = False) -> list[Check]:
         check_python(),
         check_rclpy(),
         check_discovery(),
+        check_start(),
         check_messages(),
         check_packages(),
         *check_ports(answer_of=ask_device if ask else None),

@@ -76,7 +76,8 @@ class Problem:
         names = [p.name for p in wanted]
         if measured.slide is not None and "servos.slide" in names:
             raise DataError(
-                "--fit servos.slide: the data have a column of their own for the slide, which is obeyed"
+                "--fit servos.slide: the data have a column of their own for the slide, which is obeyed; leave out one "
+                "of the two"
             )
         moving = [n for n in names if n.split(".")[0] in ("damping", "inertia") or n == START]
         if measured.times is None and moving:

@@ -9,6 +9,7 @@ import pytest
 
 from tripod_bringup import doctor, doctor_command
 from tripod_bringup.doctor import Check, Probe, Verdict
+from tripod_graph.loopback import LoopbackError
 
 
 @pytest.mark.parametrize(
@@ -56,6 +57,27 @@ def test_a_probe_survives_a_program_that_ends_its_process() -> None:
 def test_discovery(environment: dict[str, str], verdict: str, found: str) -> None:
     check = doctor.check_discovery(environment)
     assert check.verdict.value == verdict and found in check.found
+
+
+def test_what_every_node_needs_to_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    check = doctor.check_start({"HOME": str(tmp_path)})
+    assert check == Check("start of nodes", Verdict.OK, f"loopback works, logs in {tmp_path}/.ros/log")
+    check = doctor.check_start({})
+    assert check.verdict is Verdict.FAIL
+    assert (check.found, check.advice) == (
+        "HOME is not set, so ROS has no place for its logs",
+        "set ROS_LOG_DIR to a directory",
+    )
+
+    def broken() -> None:
+        raise LoopbackError(
+            "the loopback interface does not work (down); bring it up: sudo ip link set lo up"
+        )
+
+    monkeypatch.setattr(doctor, "check_loopback", broken)
+    check = doctor.check_start({"HOME": str(tmp_path)})
+    assert check.advice == "bring it up: sudo ip link set lo up"
+    assert "start of nodes" in [one.name for one in doctor.examine(tmp_path)]
 
 
 def test_messages() -> None:
