@@ -54,6 +54,15 @@ def test_path_plays_and_names_where_servos_are_too_slow(tmp_path: Path) -> None:
     assert f"tripod path: {told['limits'][0]}" in result.stderr
 
 
+def test_the_example_of_the_page_of_mazes_is_told_as_there(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "maze.md").read_text(encoding="utf-8")
+    file = tmp_path / "p.csv"
+    file.write_text(page.partition("## Path files")[2].split("```")[1])
+    result = tripod("path", str(file), "--speed", "3", "--json")
+    (limit,) = json.loads(result.stdout)["limits"]
+    assert f"with `--speed 3` (6 unless told):\n`{limit}`" in page
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
