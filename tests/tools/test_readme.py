@@ -60,6 +60,16 @@ def test_links_lead_somewhere(path: Path) -> None:
     assert [link for link in inside if not (ROOT / path.parent / link).exists()] == []
 
 
+@pytest.mark.parametrize("name", [*DOCUMENTS, "labs/README.md", "examples/README.md", "CHANGELOG.md"])
+def test_each_table_has_a_head(name: str) -> None:
+    """Rows behind an empty line are text to Markdown."""
+    text = re.sub(
+        r"^```.*?^```", "", (ROOT / name).read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, re.MULTILINE)
+    assert [b.splitlines()[0] for b in blocks if not re.match(r".*\n\|[-:| ]+\|$", b, re.MULTILINE)] == []
+
+
 def test_the_readme_is_short() -> None:
     assert len(README.split()) <= 900
 
