@@ -25,7 +25,7 @@ from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion
 from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision
-from tripod_graph.motion_clock import MotionClock
+from tripod_graph.motion_clock import STALLED, MotionClock
 from tripod_graph.parameters import declare
 from tripod_graph.presence import Rival
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
@@ -42,9 +42,6 @@ TURN = 1.05
 
 SOON = 0.003
 """A new command is looked at after this time [s], when it asks for a change, not only at the next packet's turn."""
-
-
-STALLED = "/clock stands still, and use_sim_time is true: start what publishes it"
 
 
 class DriverNode(LifecycleNode):

@@ -6,6 +6,9 @@ from typing import Any
 STALL = 0.5
 """A simulated clock that stands still for longer than this [s] holds nobody up: time goes on by the steady one."""
 
+STALLED = "/clock stands still, and use_sim_time is true: start what publishes it"
+"""What there is to say then."""
+
 JUMP = 1.0
 """A simulated clock that goes on by more than this at once [s] was set, it has not passed."""
 

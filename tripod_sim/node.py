@@ -26,7 +26,7 @@ from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion, motion_of
 from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
-from tripod_graph.motion_clock import MotionClock
+from tripod_graph.motion_clock import STALLED, MotionClock
 from tripod_graph.parameters import ParameterError, declare
 from tripod_graph.presence import Rival
 from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE
@@ -532,8 +532,17 @@ class SimNode(Node):
         ignored = next(self._authority.notices(time.monotonic()), "")
         snap = snap_words(*firmness) if (firmness := self._teller.firmness) else ""
         near = f"a snap is {snap}" if snap else ""
-        rival = self._rival.notice
-        if trouble := stalls(latest) or latest.report.instability or rival or ignored or near or self._kept():
+        still = STALLED if self._clock_of_motion.stalled else ""
+        told = (
+            stalls(latest),
+            latest.report.instability,
+            still,
+            self._rival.notice,
+            ignored,
+            near,
+            self._kept(),
+        )
+        if trouble := next(filter(None, told), ""):
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:

@@ -68,3 +68,11 @@ def test_without_it_nothing_publishes_a_clock(make) -> None:
     graph = make().start()
     assert graph.ear.count_publishers(names.CLOCK) == 0
     assert not graph.node.get_parameter("use_sim_time").value
+
+
+def test_a_clock_that_nobody_publishes_is_told_once_simulated_time_is_wanted(make) -> None:
+    graph = make(use_sim_time="true").start()
+    own = graph.node.get_namespace()
+    graph.next(
+        names.DIAGNOSTICS, lambda m: m.status[0].name == f"{own}/sim" and "/clock" in m.status[0].message
+    )
