@@ -39,6 +39,9 @@ SILENCE = 0.5
 PATIENCE = 3.0
 """Time without what is waited for after which that is said [s]: nodes find each other within it."""
 
+SLANT = 0.01
+"""Tilt that is missing [rad] from which on it is said: less is missed where tilts are large."""
+
 TILTS, POSITIONS = ("orientation", "pose"), ("position", "pose")
 """Goals of inverse kinematics that follow tilts, and positions; the first is proposed."""
 
@@ -66,6 +69,9 @@ class PlayNode(Node):
         self._goals, self._followed = goals, False
         self._rest: FloatArray | None = None
         self._asked = False
+        self._begun: float | None = None
+        self._off = 0.0  # by which the closest pose missed a target that is out of reach, at most [rad or m]
+        self.create_subscription(IkStatus, names.IK_STATUS, self._on_status, RELIABLE)
         self._made_at = time.monotonic()
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -110,6 +116,11 @@ class PlayNode(Node):
             )
         self._begin()
 
+    def _on_status(self, message: IkStatus) -> None:
+        if self._begun is not None and message.state == IkStatus.CLOSEST:
+            tilts = self._goals == TILTS
+            self._off = max(self._off, message.tilt_residual if tilts else message.residual)
+
     def _begin(self) -> None:
         """Take the mode once the effector is seen and inverse kinematics follows what will be asked for."""
         if self._rest is None and self._position is not None and self._followed:
@@ -136,10 +147,12 @@ class PlayNode(Node):
             )
             self.get_logger().warning(f"waiting for {topic}: is {who} running?", throttle_duration_sec=10.0)
         if self._rest is not None and not self.done and self._mandate.held:
-            self._play(self._rest)
+            if self._begun is None:
+                self._begun = self._motion.at(time.monotonic())
+            self._play(self._rest, self._begun)
 
-    def _play(self, rest: FloatArray) -> None:
-        """Send what is due; `rest`: position of the effector when this node began [m]."""
+    def _play(self, rest: FloatArray, begun: float) -> None:
+        """Send what is due; `rest`: position of the effector when this node began [m]; `begun`: to play [s]."""
         raise NotImplementedError
 
 
@@ -149,20 +162,10 @@ class PathNode(PlayNode):
     def __init__(self, points: KeyPoints, path: ServoPath) -> None:
         self._points, self._path = points, path
         self._tilts = points.kind is Kind.TILT
-        self._begun: float | None = None
-        self._off = 0.0  # by which the closest pose missed a target that is out of reach, at most [rad or m]
         super().__init__("path", TILTS if self._tilts else POSITIONS)
-        self.create_subscription(IkStatus, names.IK_STATUS, self._on_status, RELIABLE)
 
-    def _on_status(self, message: IkStatus) -> None:
-        if self._begun is not None and message.state == IkStatus.CLOSEST:
-            self._off = max(self._off, message.tilt_residual if self._tilts else message.residual)
-
-    def _play(self, rest: FloatArray) -> None:
-        now = self._motion.at(time.monotonic())
-        if self._begun is None:
-            self._begun = now
-        passed = now - self._begun
+    def _play(self, rest: FloatArray, begun: float) -> None:
+        passed = self._motion.at(time.monotonic()) - begun
         value = self._points.at(float(np.interp(passed, self._path.times, self._path.file_times)))
         if self._tilts:
             self._send(rest, value)
@@ -208,7 +211,14 @@ class SolveNode(PlayNode):
         local = self._rotation.T @ (place - self._position) - self._offset
         self._seen.append((time.monotonic(), local))
 
-    def _play(self, rest: FloatArray) -> None:
+    def _play(self, rest: FloatArray, begun: float) -> None:
+        if self._off > SLANT:
+            self.get_logger().warning(
+                f"the plate is {np.degrees(self._off):.1f} degrees from what is asked for, as close as the robot "
+                "comes: is it in its working pose (`tripod teleop`, key a)?",
+                throttle_duration_sec=10.0,
+            )
+            self._off = 0.0
         received = self._seen[-1][0] if self._seen else self._made_at + PATIENCE
         late = time.monotonic() - received > SILENCE
         if late or not self._seen:

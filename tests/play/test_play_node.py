@@ -160,6 +160,16 @@ def test_a_path_out_of_reach_says_how_far(context: None) -> None:
         graph.close()
 
 
+def test_a_plate_that_cannot_tilt_is_told(context: None, capfd: pytest.CaptureFixture[str]) -> None:
+    graph = Graph(solver)
+    try:
+        graph.until_told(
+            "the plate is 2.9 degrees from what is asked for", capfd, lambda: graph.robot.say_closest(0.05)
+        )
+    finally:
+        graph.close()
+
+
 def test_where_inverse_kinematics_follows_something_else_nothing_is_commanded_and_that_is_said(
     context: None,
 ) -> None:

@@ -443,6 +443,7 @@ def test_the_arms_of_another_scene_do_not_stand_as_those_before(stage: Stage, br
     browser.wait(lambda: turns("/arms/0") and turns("/arms/0")[-1] != [1, 0, 0, 0])
     stage.sim.jump_to(0.0, 0.0, 0.0, 0.0)
     stage.sim.silent = True
+    time.sleep(0.5)  # what is on its way arrives before the scene
     show(stage.sim, "cross")
     browser.wait(lambda: browser.value("scene")["name"] == "cross")
     for name in ("/arms/0", "/servos/0", "/effector"):
