@@ -67,6 +67,7 @@ class PlayNode(Node):
         self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
         self.create_subscription(String, names.IK_GOAL, self._on_goal, LATCHED)
         self._goals, self._followed = goals, False
+        self._tilts = goals == TILTS
         self._rest: FloatArray | None = None
         self._asked = False
         self._begun: float | None = None
@@ -118,8 +119,7 @@ class PlayNode(Node):
 
     def _on_status(self, message: IkStatus) -> None:
         if self._begun is not None and message.state == IkStatus.CLOSEST:
-            tilts = self._goals == TILTS
-            self._off = max(self._off, message.tilt_residual if tilts else message.residual)
+            self._off = max(self._off, message.tilt_residual if self._tilts else message.residual)
 
     def _begin(self) -> None:
         """Take the mode once the effector is seen and inverse kinematics follows what will be asked for."""
@@ -161,8 +161,7 @@ class PathNode(PlayNode):
 
     def __init__(self, points: KeyPoints, path: ServoPath) -> None:
         self._points, self._path = points, path
-        self._tilts = points.kind is Kind.TILT
-        super().__init__("path", TILTS if self._tilts else POSITIONS)
+        super().__init__("path", TILTS if points.kind is Kind.TILT else POSITIONS)
 
     def _play(self, rest: FloatArray, begun: float) -> None:
         passed = self._motion.at(time.monotonic()) - begun

@@ -9,12 +9,12 @@ from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
 from tripod_host.reading import read_file
 from tripod_sim.errors import LONGEST, SceneError, shown
 from tripod_sim.scene import OPTIONAL, Scene
-from tripod_sim.tables.kinds import WORDS, converted
+from tripod_sim.tables.kinds import WORDS, converted, hints_of
 
 MAX_BYTES = 100_000
 """A scene file larger than this is refused unread."""
@@ -197,7 +197,7 @@ def _is_word(keys: list[str], word: str) -> bool:
     """Return whether the field that `keys` name takes `word` as a value of its own."""
     if len(keys) != 2 or keys[0] not in OPTIONAL:
         return False
-    kinds = [a for a in get_args(get_type_hints(Scene)[keys[0]]) if is_dataclass(a)]
+    kinds = [a for a in get_args(hints_of(Scene)[keys[0]]) if is_dataclass(a)]
     return any(
         word in f.metadata.get("choices", ()) for kind in kinds for f in fields(kind) if f.name == keys[1]
     )
@@ -245,7 +245,7 @@ def _build(cls: Any, table: Any, path: str) -> Any:
     """Return the dataclass `cls` made from a TOML table."""
     if not isinstance(table, Mapping):
         raise SceneError(f"{path} is {shown(table)}; it must be a table")
-    hints = get_type_hints(cls)
+    hints = hints_of(cls)
     for key in table:
         if key not in hints:
             meant = _elsewhere(key, hints) if cls is Scene else difflib.get_close_matches(key, hints, 1)
@@ -290,7 +290,7 @@ def _elsewhere(key: str, names: Iterable[str]) -> list[str]:
 def field_names() -> list[str]:
     """Return the paths of all fields of a scene but those in lists, such as `material.young`."""
     found = []
-    for name, kind in get_type_hints(Scene).items():
+    for name, kind in hints_of(Scene).items():
         tables = [t for t in (kind, *get_args(kind)) if is_dataclass(t) and get_origin(kind) is not tuple]
         found += [f"{name}.{f.name}" for table in tables for f in fields(table)] or [name]
     return found

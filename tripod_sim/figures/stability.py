@@ -108,10 +108,9 @@ def stability_lines(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     if figures["contacts"] is not None:
         rows.append(("contacts", f"{figures['contacts']}, {figures['pressed']} of them pressed"))
         rows.append(("penetration", f"{1e3 * figures['penetration']:.2g} mm beyond the contact distance"))
-    if figures["firmness"]:
-        told = {name: figures[name] for name in ("at_rest", "estimated")}
-        if words := snap_words(*figures["firmness"], **told):
-            rows.append(("snap", words))
+    if firmness := figures["firmness"]:
+        words = snap_words(*firmness, at_rest=figures["at_rest"], estimated=figures["estimated"])
+        rows += [("snap", words)] if words else []
     if figures["unstable"]:
         rows.append(("unstable", figures["unstable"]))
     return rows

@@ -20,11 +20,7 @@ from tripod_sim.system import System
 
 
 class LoadSteps:
-    """Brings states near to equilibrium where their load would move them far, with scratch of its own.
-
-    Attributes:
-        factored: Whether the last state was left where it was, and the system is factored there.
-    """
+    """Brings states near to equilibrium where their load would move them far, with scratch of its own."""
 
     REACH = 0.1
     """Largest move of a node in an increment, in parts of the largest extent of the body: well below it the increments
@@ -42,18 +38,17 @@ class LoadSteps:
         self._dx = np.zeros_like(system.rest)
         self._start: State | None = None
         self._trial: State | None = None
-        self.factored = False
 
     def carry(self, state: State) -> NewtonReport:
         """Move `state` to equilibrium, its driven frames where they are, if its load moves it further than the reach.
 
-        Only `increments`, those rolled back included, and `halvings` of the report are written.
+        Only `increments`, those rolled back included, and `halvings` of the report are written; and `factorisations` is
+        1 where the state is left as it was and the system factored there, positive definite.
 
         The state is left as it was where the load moves it less, or where no reach leads to an equilibrium with a
         potential below that of the start.
         """
         report, system = NewtonReport(), self._system
-        self.factored = False
         phi = system.evaluate(state)
         if not (np.isfinite(phi) and system.unbalanced() > self._tolerance):
             return report
@@ -63,7 +58,7 @@ class LoadSteps:
         if not self._respond(state):
             return report
         if self._furthest() <= self._reach:
-            self.factored = True
+            report.factorisations = 1
             return report
         for halving in range(self.HALVINGS + 1):
             scale = 0.5**halving

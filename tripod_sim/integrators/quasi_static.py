@@ -52,9 +52,8 @@ class QuasiStatic(Substeps):
             return report
         self._unstable = None
         load = self._load.carry(state) if self._loads_help else NewtonReport()
-        factored = self._loads_help and self._load.factored
         self._loads_help &= load.halvings <= LoadSteps.HALVINGS  # else a shorter part begins at the same load
-        report = self.newton.solve(state, joints, factored=factored)
+        report = self.newton.solve(state, joints, factored=load.factorisations > 0)
         report.iterations += load.increments
         report.factorisations += load.increments
         report.increments, report.halvings = load.increments, load.halvings
