@@ -6,10 +6,13 @@ BIN := .venv/bin
 # What runs from here stays on this machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help setup demo test lint bench docs labs firmware clean
+.PHONY: help setup demo test test-slow test-all lint bench docs labs firmware clean
+
+# a process for each processor, up to four: each needs about 1 GB
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=worksteal
 
 help: ## Show this list (default)
-	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
 
 setup: ## Create .venv with everything in it; where ROS 2 Jazzy is sourced, use that
 	@command -v "$(PYTHON)" >/dev/null || { echo "setup: $(PYTHON) not found; to install: sudo apt-get install python3" >&2; exit 2; }
@@ -18,8 +21,14 @@ setup: ## Create .venv with everything in it; where ROS 2 Jazzy is sourced, use 
 demo: setup ## Bring up the simulated robot following a target; ARGS="..." goes to `tripod up --demo`
 	@$(BIN)/tripod up --demo $(ARGS)
 
-test: lint ## Lint, then run all tests on a ROS domain of their own; ARGS="..." goes to pytest
-	ROS_DOMAIN_ID=$$(( $$$$ % 100 + 1 )) $(BIN)/python -m tools.run_tests $(ARGS)
+test: lint ## Lint, then test every behaviour once; ARGS="..." goes to pytest
+	$(PYTEST) $(ARGS)
+
+test-slow: setup ## Test what `make test` leaves out: whole matrices, labs, other programs, long fuzzing
+	$(PYTEST) -m "slow or hypothesis" --hypothesis-profile=thorough $(ARGS)
+
+test-all: test test-slow ## Both, then `make test` again with other kinds of arithmetic
+	$(BIN)/python -m tools.arithmetic
 
 lint: setup ## Check style, format and types
 	$(BIN)/ruff check

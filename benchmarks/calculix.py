@@ -47,7 +47,7 @@ CASES = {
 STIFFNESS = {"L5": 1.4e10}
 """Of the compliant clamp [N/m^4]; the other cases have the ideal one."""
 
-PACKAGE = "CalculiX is missing: install the Debian or Ubuntu package calculix-ccx"
+PACKAGE = "CalculiX is missing; to install: sudo apt-get install calculix-ccx"
 
 MM = 1e3
 

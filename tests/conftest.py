@@ -2,6 +2,7 @@
 
 import atexit
 import os
+import re
 import shutil
 import signal
 from collections.abc import Iterator
@@ -11,22 +12,49 @@ import pytest
 from hypothesis import settings
 
 from tests.domains import own_domain
-from tools.shared_tests import pytest_collection, pytest_runtestloop  # noqa: F401 - hooks
 from tripod_bringup.compiling import garbage_left
+from tripod_host.program import set_environment
+
+# As in all programs: threads of linear algebra would wait for each other at full load.
+set_environment()
+
+INSTALL = re.compile(r"(sudo apt-get install|pip install) (.+)$")
+"""How the reason of a skipped test ends if a program or a package is missing."""
 
 # The same examples in every run: a failure is of the code, not of the draw. No deadline: machines are shared.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
-settings.load_profile("repeatable")
+for _name, _count in {"fast": 50, "thorough": 300}.items():
+    settings.register_profile(_name, derandomize=True, deadline=None, database=None, max_examples=_count)
+settings.load_profile("fast")
 
 # What a driver remembers of its boards is nobody's but the test's, also in the processes that tests start.
 os.environ["XDG_STATE_HOME"] = mkdtemp(prefix="tripod_state_")
 atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
+
+# Tests start some hundreds of processes: where bytecode is not kept, each would compile all that it imports.
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", "") and "PYTHONPYCACHEPREFIX" not in os.environ:
+    os.environ["PYTHONPYCACHEPREFIX"] = mkdtemp(prefix="tripod_bytecode_")
+    atexit.register(shutil.rmtree, os.environ["PYTHONPYCACHEPREFIX"], ignore_errors=True)
 
 # In the background, or under `nohup`, a shell has SIGINT or SIGHUP ignored, and so would the processes that tests start
 # and send them. What is handled is not inherited.
 for _number in (signal.SIGINT, signal.SIGHUP):
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, lambda *_: None)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say in one line how many tests were skipped for lack of a program, and which commands install what they need."""
+    packages: dict[str, set[str]] = {}
+    count = 0
+    for report in terminalreporter.stats.get("skipped", ()):
+        if found := INSTALL.search(report.longrepr[2]):
+            count += 1
+            packages.setdefault(found[1], set()).update(found[2].split())
+    commands = [" ".join([command, *sorted(names)]) for command, names in sorted(packages.items())]
+    if count:
+        terminalreporter.write_line(
+            f"skipped for lack of a program: {count} tests; to run them: {'; '.join(commands)}"
+        )
 
 
 @pytest.fixture(scope="session", autouse=True)

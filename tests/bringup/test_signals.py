@@ -1,6 +1,7 @@
 """A command that is interrupted at any instant, its first milliseconds included, ends without a traceback."""
 
 import signal
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,11 @@ import pytest
 from benchmarks.signals import NODES, QUICK, WELL, instants, interrupted
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def sampled(names: Iterable[str], *fast: str) -> list[object]:
+    """Return all names; those that are not of `fast` are run by `make test-all` alone."""
+    return [name if name in fast else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def check(words: tuple[str, ...], number: signal.Signals, delay: float, folder: Path) -> None:
@@ -22,7 +28,7 @@ def test_the_first_tenth_of_a_second_is_no_exception(number: signal.Signals, tmp
         check(QUICK["scenes"], number, delay / 1000, tmp_path)
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", sampled(QUICK, "run", "study"))
 def test_every_command_may_be_interrupted(name: str, tmp_path: Path) -> None:
     for k, delay in enumerate(instants(4, 1.5)[1:]):
         check(QUICK[name], SIGNALS[k % 2], delay, tmp_path)
@@ -30,7 +36,7 @@ def test_every_command_may_be_interrupted(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("domain")
-@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("name", sampled(NODES, "sim", "solve --live"))
 def test_every_node_may_be_interrupted(name: str, tmp_path: Path) -> None:
     for k, delay in enumerate((0.05, 0.8, 2.0)):
         check(NODES[name], SIGNALS[k % 2], delay, tmp_path)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.decisions import SOURCE, said
@@ -428,7 +428,6 @@ event = st.one_of(
 )
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(st.lists(event, max_size=15))
 def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(events) -> None:
     bench = Bench()

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.decisions import said
@@ -318,7 +318,6 @@ event = st.one_of(
 )
 
 
-@settings(max_examples=200)
 @example([("park", None), ("mode", Mode.STOP)])
 @given(st.lists(event, max_size=12))
 def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silence_is_noticed(events) -> None:

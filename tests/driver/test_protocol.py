@@ -4,7 +4,7 @@ import math
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_driver.protocol import (
@@ -63,7 +63,6 @@ def test_every_byte_survives_decoding_and_encoding(protocol: LegacyProtocol) -> 
         assert protocol.encode(protocol.decode(packet)) == packet
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(st.sampled_from([ROUNDED, TUTORIAL]), st.tuples(*[st.floats(0.0, 1.0)] * 3))
 def test_every_angle_in_range_survives_within_the_resolution(protocol: LegacyProtocol, fractions) -> None:
     wanted = [protocol.lowest + f * (protocol.highest - protocol.lowest) for f in fractions]
@@ -141,7 +140,6 @@ def test_decoder_finds_packets_between_the_garbage_worked_out_by_hand() -> None:
 garbage = st.binary(max_size=6).map(lambda data: data.replace(b"\xff", b"\x00"))
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(st.lists(st.tuples(garbage, angles), max_size=20), garbage, st.randoms(use_true_random=False))
 def test_decoder_finds_every_packet_however_the_stream_is_cut(parts, tail: bytes, random) -> None:
     stream = b"".join(noise + ROUNDED.encode(a) for noise, a in parts) + tail
@@ -154,7 +152,6 @@ def test_decoder_finds_every_packet_however_the_stream_is_cut(parts, tail: bytes
     assert decoder.skipped == sum(len(noise) for noise, _ in parts) + len(tail)
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(st.binary(max_size=200), angles)
 def test_decoder_survives_any_bytes_and_recovers_within_one_packet(noise: bytes, wanted) -> None:
     decoder = LegacyDecoder()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.decisions import SOURCE, said
@@ -295,7 +295,6 @@ class Watch:
         self.last, self.last_at = out, self.now
 
 
-@settings(max_examples=300)
 @given(st.lists(event, max_size=25), st.lists(st.floats(0.0, 0.5), min_size=30, max_size=30))
 def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(events, gaps) -> None:
     watch = Watch()

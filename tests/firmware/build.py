@@ -24,9 +24,6 @@ _HEADERS = {
 }
 NATIVE, AVR, SIMULATOR = ("make", "cc"), ("avr-gcc", "avr-size", "avr/io.h"), ("simavr/sim_avr.h", "libelf.h")
 
-skipped: set[tuple[str, ...]] = set()
-"""What tests needed that were skipped."""
-
 
 @cache
 def absent(needs: tuple[str, ...]) -> str:
@@ -52,7 +49,6 @@ def need(*needs: str) -> None:
         message = f"not installed; to enable: sudo apt-get install {packages}"
         if os.environ.get(REQUIRED):
             pytest.fail(f"{REQUIRED} is set and this test cannot run: {message}", pytrace=False)
-        skipped.add(needs)
         pytest.skip(message)
 
 

@@ -9,14 +9,6 @@ from tests.firmware.simulated_board import SimulatedBoard
 from tests.firmware.terminal_board import TerminalBoard
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which packages the skipped tests wait for, once."""
-    if packages := sorted({name for needs in build.skipped for name in build.absent(needs).split()}):
-        terminalreporter.write_line(
-            f"tests of the firmware were skipped; to enable them: sudo apt-get install {' '.join(packages)}"
-        )
-
-
 @pytest.fixture
 def make_board() -> Iterator[Callable[..., SimulatedBoard]]:
     """Return a function that switches on a board whose firmware is built with the given parameters."""

@@ -5,7 +5,7 @@ import subprocess
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.firmware import build
@@ -121,7 +121,6 @@ operations = st.one_of(
 )
 
 
-@settings(max_examples=300)
 @given(st.lists(operations, max_size=25), st.randoms(use_true_random=False))
 def test_c_code_and_model_agree_on_any_course_of_events(process, course, rng) -> None:
     process.begin()

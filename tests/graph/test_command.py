@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
@@ -234,7 +234,6 @@ limits = st.builds(
 )
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(limits, st.none() | point, st.lists(event, max_size=12), st.floats(0.002, 0.3))
 def test_limits_and_slew_rate_are_never_exceeded(bounds, start, events, dt: float) -> None:
     follower = CommandFollower(bounds, start)
@@ -269,7 +268,6 @@ def test_limits_and_slew_rate_are_never_exceeded(bounds, start, events, dt: floa
         run(value if kind == "wait" else dt)
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(limits, point, trajectory)
 def test_every_trajectory_ends_in_hold_and_every_hold_in_park(bounds, start, points) -> None:
     follower = CommandFollower(bounds, start)

@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_graph.mode import (
@@ -48,7 +48,6 @@ def test_it_begins_stopped_and_tells_of_what_comes_into_force() -> None:
 # STOP ---------------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)  # a busy machine is no failure
 @given(
     before=st.lists(st.tuples(st.sampled_from(OTHERS), st.sampled_from("abc"), any_stamp), max_size=5),
     stamp=any_stamp,
@@ -120,7 +119,6 @@ def test_stop_said_again_stops_what_has_begun_meanwhile_but_a_stream_of_it_is_on
 # order --------------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(st.lists(st.sampled_from(OTHERS), min_size=1, max_size=4))
 def test_any_order_of_arrival_ends_in_the_newest_decision(modes) -> None:
     decisions = [Decision(mode, f"operator {k}", 10.0 + k) for k, mode in enumerate(modes)]
@@ -137,7 +135,6 @@ def test_a_stamp_ahead_of_the_receiver_counts_as_now(ahead: float) -> None:
     assert tracker.mode is Mode.IK
 
 
-@settings(deadline=None)
 @given(
     steps=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6),
     modes=st.lists(st.sampled_from(OTHERS), min_size=7, max_size=7),

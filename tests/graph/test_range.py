@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_graph.command import CommandError, CommandLimits
@@ -81,7 +81,6 @@ def test_who_is_asked_for_more_is_named() -> None:
 joints = st.tuples(*[st.floats(-2.1, 0.6)] * 3, st.floats(0.0, 0.04))
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(joints, st.booleans(), st.floats(0.0, 0.3)), min_size=1, max_size=30))
 def test_a_range_that_comes_and_goes_never_makes_the_joints_jump(asked) -> None:
     fence, narrow = Fence(), OWN.within(LOWER, UPPER, SPEED)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_graph.command import (
@@ -112,7 +112,6 @@ speeds = st.tuples(*[st.floats(-4.0, 4.0)] * 3, st.floats(-0.1, 0.1))
 point = st.tuples(st.floats(0.0, 1.0), values, speeds)
 
 
-@settings(deadline=None)
 @given(st.lists(point, min_size=1, max_size=5), st.floats(-1.0, LATE), st.booleans())
 def test_limits_and_slew_rates_hold_for_any_trajectory(points, age, cubic) -> None:
     follower = standing()

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -435,7 +435,6 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=150)
 @given(key=st.sampled_from(sorted(made_up())), value=JSON)
 def test_no_study_does_more_than_be_refused(
     key: str, value: Any, tmp_path_factory: pytest.TempPathFactory

@@ -25,8 +25,8 @@ PLANK = "rigid=[{shape='box', size=[0.036,0.006,0.004], mass=0.005, position=[-0
 
 @pytest.fixture(scope="module")
 def lying() -> Simulation:
-    """The plank at rest."""
-    simulation = Simulation(load_scene(SHARP, [*CALM, POST, PLANK, contact(4.0)]))
+    """The plank at rest; what sticks uses less than a third of the friction that it could have, on any processor."""
+    simulation = Simulation(load_scene(SHARP, [*CALM, POST, PLANK, contact(10.0)]))
     for k in range(10):
         simulation.step(GOAL * (k + 1) / 10)
     settle(simulation, GOAL, 20)

@@ -1,7 +1,7 @@
 """The broad phase finds what comparing all with all finds, whatever the boxes."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_sim.contact.broad_phase import Boxes, Tree
@@ -24,7 +24,6 @@ def boxes_of(points: np.ndarray, size: int, radius: float = 0.0) -> Boxes:
     return boxes
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(0, 60),

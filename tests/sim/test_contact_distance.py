@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.checks import random_rotation
@@ -39,7 +39,6 @@ def assert_closest(point: np.ndarray, others: np.ndarray, corners: np.ndarray) -
     assert ((others - point) @ (corners - point).T).max() <= 1e-13
 
 
-@settings(max_examples=300, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(SHAPES))
 def test_point_triangle_is_the_least_distance(seed: int, shape: str) -> None:
     x = four_points(np.random.default_rng(seed), shape)
@@ -51,7 +50,6 @@ def test_point_triangle_is_the_least_distance(seed: int, shape: str) -> None:
     assert_closest(q, x[0], x[1:])
 
 
-@settings(max_examples=300, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(SHAPES))
 def test_segment_segment_is_the_least_distance(seed: int, shape: str) -> None:
     x = four_points(np.random.default_rng(seed), shape)
@@ -66,7 +64,6 @@ def test_segment_segment_is_the_least_distance(seed: int, shape: str) -> None:
         assert square < 1e-24
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-300, 1e-30, 1.0, 1e30]))
 def test_across_is_a_unit_vector_at_right_angles(seed: int, scale: float) -> None:
     rng, out = np.random.default_rng(seed), np.empty(3)
@@ -86,7 +83,6 @@ def approach(x: np.ndarray, d: np.ndarray, first: int, gap: float) -> float:
     return time_of_approach(x4, d4, first, count, gap, np.empty((4, 3)))
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-5, 1e-3, 0.1]), st.floats(0.5, 1e4))
 def test_a_point_through_a_face_is_stopped_before_and_near_its_gap(
     seed: int, gap: float, speed: float
@@ -101,7 +97,6 @@ def test_a_point_through_a_face_is_stopped_before_and_near_its_gap(
     assert time >= true - 0.05 * (0.4 - gap) / speed - 1e-9
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 1e4))
 def test_crossing_edges_are_stopped(seed: int, speed: float) -> None:
     rng = np.random.default_rng(seed)
@@ -113,7 +108,6 @@ def test_crossing_edges_are_stopped(seed: int, speed: float) -> None:
     assert time >= 0.94 * 0.099 / speed
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(SHAPES), st.sampled_from([1, 2]), st.floats(-3, 3))
 def test_the_gap_is_kept_until_the_time_returned(seed: int, shape: str, first: int, power: float) -> None:
     """Along the whole way, for every degenerate shape; and what stays apart is not stopped."""

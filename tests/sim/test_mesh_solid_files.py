@@ -6,7 +6,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_sim.build import build
@@ -339,13 +339,11 @@ def mutations(original: bytes) -> st.SearchStrategy[bytes]:
     return st.lists(place, min_size=1, max_size=4).map(apply)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.binary(max_size=300) | st.lists(WORDS, max_size=12).map(b"".join))
 def test_arbitrary_bytes_are_no_gid_mesh(content: bytes) -> None:
     assert not accepted_or_refused(content, "x.gidmsh", "t4")
 
 
-@settings(max_examples=250, deadline=None, derandomize=True)
 @given(mutations(GOOD.encode()))
 def test_a_mutated_gid_mesh_is_read_or_refused(content: bytes) -> None:
     accepted_or_refused(content, "x.gidmsh", "t10")

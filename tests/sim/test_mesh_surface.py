@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_sim.errors import SceneError
@@ -345,14 +345,12 @@ def accepted_or_refused(content: bytes, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["x.obj", "x.stl"])
-@settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.binary(max_size=200) | st.lists(WORDS, max_size=20).map(b"".join))
 def test_arbitrary_bytes_are_read_or_refused(name: str, content: bytes) -> None:
     accepted_or_refused(content, name)
 
 
 @pytest.mark.parametrize("name", FORMATS)
-@settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.data())
 def test_mutated_files_are_read_or_refused(name: str, data: st.DataObject) -> None:
     accepted_or_refused(data.draw(mutations(FORMATS[name](TETRAHEDRON))), name)

@@ -10,6 +10,7 @@ from tripod_sim.effects import EFFECTS
 FEW = ("solid", "springs", "gravity", "damping", "contact", "h8", "bdf2", "statics")
 
 
+@pytest.mark.slow
 def test_every_pair_works_or_is_refused_as_the_page_says() -> None:
     assert {*EFFECTS} - {"inertia"} <= {*pairs.THINGS}
     found = pairs.look(quick=True)

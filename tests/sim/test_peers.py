@@ -10,7 +10,7 @@ import pytest
 from benchmarks import peers, peers_cases, peers_own, peers_report
 from benchmarks.peers import Row
 
-PACKAGE = "install the extra: pip install 'tripod[peers]'"
+PACKAGE = "to install: pip install tripod[peers]"
 
 
 def _quick(module, case):

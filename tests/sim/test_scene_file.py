@@ -13,7 +13,7 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_sim
@@ -36,8 +36,6 @@ from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import Marker, NodeSet
 from tripod_sim.tables.unread import unread
-
-FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
 
 EMIO, BEAM = (
     str(Path(__file__).parents[2] / "examples" / f"{name}.toml") for name in ("emio", "silicone_beam")
@@ -567,14 +565,12 @@ def assert_kept_or_refused(source: str | Path, overrides: list[str], folder: Pat
     assert again == scene
 
 
-@FUZZ
 @given(st.lists(st.tuples(ANY_PATH, VALUES), min_size=1, max_size=3))
 def test_any_value_at_any_path_is_kept_or_refused(tmp_path_factory, values) -> None:
     words = [f"{path}={inline(value)}" for path, value in values]
     assert_kept_or_refused("tripod", words, tmp_path_factory.getbasetemp())
 
 
-@FUZZ
 @given(data=st.data())
 def test_any_damage_to_a_file_is_survived(tmp_path_factory, data: st.DataObject) -> None:
     at = data.draw(st.integers(0, len(BASE)))

@@ -169,13 +169,14 @@ def test_the_error_of_the_steps_is_carried_in_the_modes_as_by_all_nodes(scheme: 
 
 
 def test_the_largest_error_is_that_of_the_node_that_the_modes_move_most() -> None:
+    """Or of its mirror image, which moves as far but for rounding."""
     simulation = pressed("mesh_error.share=1e-9", "time_error={}")
     for joints in way(simulation.command)[:20]:
         simulation.step(joints)
     told, errors, estimate = simulation.report.time_error, simulation.state.errors, simulation._mesh_error
     assert told and errors and estimate and estimate._swing
     moves = np.linalg.norm(np.tensordot(errors.error[0][:, 0], estimate._swing.modes.shapes, 1), axis=1)
-    assert told.node == moves.argmax()
+    assert moves[told.node] == pytest.approx(moves.max(), rel=1e-5)
     assert told.largest == pytest.approx(moves.max(), rel=1e-5)
 
 

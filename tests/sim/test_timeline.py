@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tripod_sim import timeline
@@ -102,7 +102,6 @@ def test_a_timeline_with_too_many_entries_is_refused(monkeypatch: pytest.MonkeyP
 NUMBERS = st.floats(-1e300, 1e300)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True, database=None)
 @given(st.lists(st.floats(0, 1e300), min_size=1, max_size=6, unique=True).map(sorted), st.data())
 def test_what_is_written_is_read_back_exactly_and_never_overshot(times: list[float], data) -> None:
     values = data.draw(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=len(times), max_size=len(times)))
@@ -116,7 +115,6 @@ def test_what_is_written_is_read_back_exactly_and_never_overshot(times: list[flo
     assert ((low - room <= between) & (between <= high + room)).all()
 
 
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(st.text("0123456789.,:;- einfax\x00", max_size=20), st.integers(1, 3))
 def test_any_text_is_read_or_refused(text: str, width: int) -> None:
     try:

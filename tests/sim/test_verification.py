@@ -1,5 +1,6 @@
 """Analytic cases and an independent code, as far as they fit a test; benchmarks/verification.py has them all."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,9 @@ def test_free_flight_keeps_momentum_and_almost_all_energy() -> None:
     assert coarse[2] / fine[2] > 3.0
 
 
-needs_calculix = pytest.mark.skipif(not calculix.installed(), reason=calculix.PACKAGE)
+def needs_calculix(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test that runs the independent code CalculiX."""
+    return pytest.mark.slow(pytest.mark.skipif(not calculix.installed(), reason=calculix.PACKAGE)(test))
 
 
 @needs_calculix

@@ -54,6 +54,7 @@ def test_a_lab_asks_a_question_and_has_something_to_break_and_repair(name: str) 
     assert at == sorted(at)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_lab_runs(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)  # what it needs comes along with it

@@ -5,7 +5,7 @@ picture, its figures; `FakeSimulator` moves the joints. So the page is driven as
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import pytest
@@ -39,7 +39,7 @@ SIZES = {"screen": (1400, 900), "phone": (390, 844)}
 
 pytestmark = [
     pytest.mark.ros,
-    pytest.mark.skipif(not CHROMIUM, reason="no Chromium is installed: apt-get install chromium"),
+    pytest.mark.skipif(not CHROMIUM, reason="no Chromium; to install: sudo apt-get install chromium"),
 ]
 
 
@@ -141,14 +141,23 @@ class Opened:
         )
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_every_control_of_every_scene_does_what_it_says(stage: Stage, browser: Any, size: str) -> None:
+@pytest.mark.parametrize(
+    ("size", "scenes"),
+    [
+        ("screen", ("tripod", "maze", "drape")),
+        *(pytest.param(size, scene_names(), marks=pytest.mark.slow) for size in SIZES),
+    ],
+    ids=["few", *SIZES],
+)
+def test_every_control_of_every_scene_does_what_it_says(
+    stage: Stage, browser: Any, size: str, scenes: Sequence[str]
+) -> None:
     asked: list[str] = []
     requests = stage.sim.create_subscription(String, names.SIM_REQUEST, lambda m: asked.append(m.data), 10)
     show(stage.sim, "tripod")
     with Opened(browser, stage, size) as opened:
         opened.wait("[...document.querySelectorAll('#root canvas')].some((c) => c.width > 50)")
-        for scene in scene_names():
+        for scene in scenes:
             shown = show(stage.sim, scene)
             asked.clear()
             opened.text("#panel h1", scene)

@@ -227,7 +227,7 @@ def opened(address: str, folder: Path, *words: str) -> str:
     return result.stdout
 
 
-@pytest.mark.skipif(not CHROMIUM, reason="needs chromium")
+@pytest.mark.skipif(not CHROMIUM, reason="no Chromium; to install: sudo apt-get install chromium")
 def test_a_browser_draws_it(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
