@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
 from tripod_ik.guidance import Guidance
@@ -156,7 +157,7 @@ def test_commands_keep_to_the_speed_of_the_effector():
     speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / DT
     assert 0.019 < speeds.max() < 0.0215
     assert places[-1] == pytest.approx(one.target, abs=1e-6)
-    with pytest.raises(IkError, match="effector_speed is 0"):
+    with raises_naming(IkError, "effector_speed", "0.0 m/s"):
         TrackerSettings(effector_speed=0.0)
 
 
@@ -175,26 +176,31 @@ class Finder:
 
 
 @pytest.mark.parametrize(
-    ("answer", "notice"),
+    ("answer", "named"),
     [
-        (Way(STOPS, 0.0, (), FIRM), ""),
-        (NOWHERE, f"{NEAR_WAY}; the robot does not rest as its model does"),
-        (IkError("no servos"), f"{NEAR_WAY}; no model to look farther: no servos"),
-        (KeyError("x"), f"{NEAR_WAY}; no model to look farther: KeyError: 'x'"),
+        (Way(STOPS, 0.0, (), FIRM), ()),
+        (NOWHERE, (NEAR_WAY, "robot", "model")),
+        (IkError("no servos"), (NEAR_WAY, "no servos")),
+        (KeyError("x"), (NEAR_WAY, "KeyError: 'x'")),
     ],
 )
-def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, notice):
+def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, named):
     finder, slides = Finder(answer), []
     guide = Guide(lambda slide: slides.append(slide) or finder)
     state, tasks = SpringRobot(slide=0.035).state(WORKING), [PositionTask(np.zeros(3))]
     guide.slide = 0.035
     assert guide(state, tasks) is None
-    assert guide.notice == "looking for the closest pose"
+    assert_names(guide.notice, "closest pose")
+    searching = guide.notice
     assert guide(state, tasks) is None
     finder.go.set()
     guide.close(60.0)
     assert guide(state, tasks) is (NOWHERE if isinstance(answer, Exception) else answer)
-    assert guide.notice == notice
+    assert guide.notice != searching
+    if named:
+        assert_names(guide.notice, *named)
+    else:
+        assert guide.notice == ""
     for slide in (0.035, 0.02):
         guide.slide = slide
         assert guide(SpringRobot().state(WORKING), tasks) is None

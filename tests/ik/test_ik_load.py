@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.messages import raises_naming
 from tests.ik.plant import SpringRobot
 from tests.scenes import SHARP
 from tripod_ik.errors import IkError
@@ -208,10 +209,10 @@ def test_nothing_is_loaded_where_nobody_asks() -> None:
 
 def test_it_needs_a_measurement_and_a_delay_in_range() -> None:
     values = {p.name: p.default for p in PARAMETERS} | {"observe_load": True}
-    with pytest.raises(IkError, match="'observe_load' needs what is measured: set feedback:=pose"):
+    with raises_naming(IkError, "'observe_load'", "feedback:=pose", "imu"):
         load_observer(values)
     assert load_observer(values | {"feedback": "imu"}).delay == values["feedback_delay"]
-    with pytest.raises(IkError, match=r"delay of measurements is 1.0 s; allowed is 0 to 0.5 s"):
+    with raises_naming(IkError, "delay", "1.0 s", "0 to 0.5 s"):
         LoadObserver(1.0)
     observer = LoadObserver()
     observer.measure(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)  # no model yet: nothing to compare with
