@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from tests.services import call
+from tests.tiers import sampled
 from tripod_bringup.node_command import parameter_table
 from tripod_graph.parameters import Parameter
 
@@ -142,7 +143,7 @@ def other_value(p: Parameter) -> object:
     return 0.9 * p.default + 0.1 * (p.low or 0.0)
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("name", sampled(PROGRAMS, "sim", "driver"))
 def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
     name: str, domain: int, tmp_path: Path
 ) -> None:

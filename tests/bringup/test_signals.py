@@ -1,19 +1,14 @@
 """A command that is interrupted at any instant, its first milliseconds included, ends without a traceback."""
 
 import signal
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from benchmarks.signals import NODES, QUICK, WELL, instants, interrupted
+from tests.tiers import sampled
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
-def sampled(names: Iterable[str], *fast: str) -> list[object]:
-    """Return all names; those that are not of `fast` are run by `make test-all` alone."""
-    return [name if name in fast else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def check(words: tuple[str, ...], number: signal.Signals, delay: float, folder: Path) -> None:
@@ -24,7 +19,7 @@ def check(words: tuple[str, ...], number: signal.Signals, delay: float, folder: 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_the_first_tenth_of_a_second_is_no_exception(number: signal.Signals, tmp_path: Path) -> None:
     """The interpreter starts, and starts itself again; then the imports begin."""
-    for delay in range(0, 100, 4):
+    for delay in range(0, 100, 8):
         check(QUICK["scenes"], number, delay / 1000, tmp_path)
 
 

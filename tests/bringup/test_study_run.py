@@ -229,7 +229,8 @@ def test_kill_9_loses_no_finished_point(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(
-    importlib.util.find_spec("distributed") is None, reason="no dask.distributed; to install: pip install tripod[cluster]"
+    importlib.util.find_spec("distributed") is None,
+    reason="no dask.distributed; to install: pip install tripod[cluster]",
 )
 def test_a_cluster_gives_the_same_bits(tmp_path: Path) -> None:
     from distributed import LocalCluster

@@ -18,6 +18,7 @@ pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make
 
 from tests.firmware.session import PERIOD, is_row_of, rows
 from tests.firmware.terminal_board import TerminalBoard
+from tests.tiers import sampled
 from tripod_driver.framed import Decoder, SetPulses
 
 ROOT = Path(__file__).parents[2]
@@ -98,7 +99,7 @@ def moves(terminal: TerminalBoard) -> bool:
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("victim", ["driver", "sim", "all"])
+@pytest.mark.parametrize("victim", sampled(["driver", "sim", "all"], "all"))
 def test_after_kill_9_the_servos_hold_and_are_then_let_go(victim: str, suite, terminal, tmp_path) -> None:
     until(lambda: moves(terminal) or suite.poll() is not None, "motion")
     assert suite.poll() is None, log(tmp_path).read_text()

@@ -114,6 +114,7 @@ def test_wrong_rows_do_not_move_the_modulus() -> None:
     assert any(" of 40 rows are more than 6 sigma off" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_five_in_a_hundred_wrong_poses_do_not_move_the_modulus_of_a_robot() -> None:
     """Of which zeros and slide are not known either; all that is wrong lies to one side, which is worst."""
     disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
@@ -354,6 +355,7 @@ def test_a_motion_that_begins_out_of_step_is_found() -> None:
     assert result.fit.sigma[0] == pytest.approx(1e-4, rel=0.3)
 
 
+@pytest.mark.slow
 def test_beginnings_of_a_motion_spare_most_predictions_of_all_of_it() -> None:
     scene = scene_from_toml(MOVING.replace("200e3", "25e3"))
     data = Measured(np.arange(0, 1.2, 0.02), None, None, TIP, np.zeros((60, 3)))

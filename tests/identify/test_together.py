@@ -96,6 +96,7 @@ def test_errors_alone_make_intervals_that_are_no_longer_than_those_of_poses() ->
     np.testing.assert_allclose(held("alone", TIMES)[1], held("alone", None)[1], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_intervals_hold_also_with_what_other_meshes_foretell() -> None:
     """The errors of mesh and noise as they are taken to be; values of noise alone as in the posterior, too."""
     rng, t = np.random.default_rng(9), TIMES[:, None]

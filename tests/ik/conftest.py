@@ -14,6 +14,16 @@ def graph(domain):
     graph.close()
 
 
+@pytest.fixture
+def clock(monkeypatch):
+    """The clock of the node that `graph` starts."""
+    from tests.ik.ik_graph import NodeClock
+
+    clock = NodeClock()
+    monkeypatch.setattr("tripod_ik.node.time", clock)
+    return clock
+
+
 @pytest.fixture(scope="module")
 def shared_flat():
     import numpy as np

@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import Compliance, ControlMode, IkStatus
 
+from tests import messages
 from tests.ik.plant import SpringRobot
 from tripod_graph import names
 from tripod_graph.command import CommandFollower, CommandLimits
@@ -34,6 +35,38 @@ DEADLINE = 60.0
 def standing_at(angles):
     """Return a robot that stands there, and does not park however long a busy machine lets it wait."""
     return CommandFollower(CommandLimits(park_after=1e6), [*angles, 0.035])
+
+
+class NodeClock:
+    """The clock of the node, in place of its module `time`: the steady one, or what a test makes of it.
+
+    Attributes:
+        reads: How often the node has looked at it. Its timers do so.
+    """
+
+    SOLVE = 2.0**-8
+    """Time that a solve takes by it [s]."""
+
+    def __init__(self):
+        self.reads, self._held, self._solving = 0, None, 0.0
+
+    def hold(self):
+        """Let no time pass but by `advance`."""
+        self._held = time.monotonic()
+
+    def advance(self, seconds):
+        self._held += seconds
+
+    def release(self):
+        self._held = None
+
+    def monotonic(self):
+        self.reads += 1
+        return time.monotonic() if self._held is None else self._held
+
+    def perf_counter(self):
+        self._solving += self.SOLVE
+        return self._solving
 
 
 class FakeSim(Node):
@@ -128,20 +161,24 @@ class Graph:
             self.executor.spin_once(timeout_sec=0.05)
         return value
 
-    def spin(self, seconds):
-        """Let time pass, to see that something does not happen."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def wait_state(self, state, message=""):
-        """Wait for a status in that state, newer than this call."""
+    def hear(self, count):
+        """Wait for so many statuses more, to see that something does not happen meanwhile."""
         seen = len(self.sim.states)
-        return self.wait(
-            lambda: next(
-                (s for s in self.sim.states[seen:] if s.state == state and message in s.message), None
-            )
-        )
+        self.wait(lambda: len(self.sim.states) >= seen + count)
+
+    def wait_looks(self, clock, count=20):
+        """Wait until the node has looked at its clock so often."""
+        seen = clock.reads
+        self.wait(lambda: clock.reads >= seen + count)
+
+    def wait_state(self, state, *named):
+        """Wait for a status in that state, newer than this call, whose message names each of `named`."""
+        seen = len(self.sim.states)
+
+        def fits(status):
+            return status.state == state and (not named or messages.names(status.message, *named))
+
+        return self.wait(lambda: next((s for s in self.sim.states[seen:] if fits(s)), None))
 
     def close(self):
         for node in self.nodes:

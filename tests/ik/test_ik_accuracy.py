@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.messages import assert_names, line_naming, raises_naming
 from benchmarks import ik_promise
+from tests.messages import assert_names, line_naming, raises_naming
 from tripod_bringup.cli import app
 from tripod_ik.accuracy import choose_model
 from tripod_ik.tracker_settings import Goal

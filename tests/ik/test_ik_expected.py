@@ -5,10 +5,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from tests.messages import assert_names, names, raises_naming
 from tests.ik.plant import SpringRobot
+from tests.messages import assert_names, names, raises_naming
 from tripod_ik.errors import IkError
 from tripod_ik.expected import APART, STILL, Expected, ExpectedError
 from tripod_ik.settings import PARAMETERS, expected

@@ -1,6 +1,7 @@
 """Targets far out of reach: the search ends soon, at the closest pose, and says what keeps it off."""
 
 import numpy as np
+import pytest
 
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
@@ -36,6 +37,7 @@ def test_a_program_without_a_solution_is_tried_in_shorter_steps() -> None:
     assert found.residual < 1.2e-3
 
 
+@pytest.mark.slow
 def test_another_way_round_is_looked_for_where_no_limit_keeps_a_target_off() -> None:
     """The straight search ends 23.8 mm off, hardly closer than the working pose."""
     found = solve_once(load_scene("tripod", COARSE), [0.0, 0.025, 0.0], slide=SLIDE)

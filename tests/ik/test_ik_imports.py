@@ -30,9 +30,9 @@ def test_the_pure_part_imports_neither_ros_nor_the_simulator():
         "found = {'rclpy', 'tripod_msgs', 'tripod_sim', 'serial', 'viser'} & set(sys.modules)\n"
         "assert not found, found"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=30)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
 def test_naming_the_package_loads_nothing_heavy():
     code = "import sys, tripod_ik; assert not {'numpy', 'osqp', 'rclpy'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=30)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tests.messages import raises_naming
 from tests.ik.plant import SpringRobot
+from tests.messages import raises_naming
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, Motion, SpeedLimit, StepLimit, command_box
 from tripod_ik.row_limits import TorqueLimit

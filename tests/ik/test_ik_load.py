@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.messages import raises_naming
 from tests.ik.plant import SpringRobot
+from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError

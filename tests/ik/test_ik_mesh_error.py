@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-import time
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -27,22 +27,41 @@ def model() -> StaticModel:
     return StaticModel(load_scene(SHARP, ASKED))
 
 
-class Mesh(ModelMesh):
-    """Tells the same everywhere after a while, the first time after a longer one, and remembers when."""
+class Clock:
+    """In place of `time` in the module: time passes where a test or a mesh lets it."""
 
-    def __init__(self, *, takes: float = 0.0, first: float = 0.0, failure: Exception | None = None) -> None:
-        self.takes, self.first, self.failure = takes, first, failure
-        self.asked: list[float] = []
-        self.answered: list[float] = []
+    now = used = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def thread_time(self) -> float:
+        return self.used
+
+
+class Mesh(ModelMesh):
+    """Tells the same everywhere after a while by `clock`, the first time after a longer one, and only if it may."""
+
+    def __init__(
+        self,
+        clock: Clock | None = None,
+        *,
+        takes: float = 0.0,
+        first: float = 0.0,
+        failure: Exception | None = None,
+    ) -> None:
+        self.clock, self.takes, self.first, self.failure = clock or Clock(), takes, first, failure
+        self.asked, self.may = 0, threading.Event()
+        self.may.set()
 
     def error(self, state: Any) -> MeshErrorReport:
-        end = time.thread_time() + (self.takes if self.asked else self.first)
-        self.asked.append(time.monotonic())
-        while time.thread_time() < end:
-            pass
+        takes = self.takes if self.asked else self.first
+        self.asked += 1
+        assert self.may.wait(DEADLINE)
         if self.failure:
             raise self.failure
-        self.answered.append(time.monotonic())
+        self.clock.used += takes
+        self.clock.now += takes
         return MeshErrorReport((0.0, 3e-5, 4e-5), state.time)
 
 
@@ -83,28 +102,32 @@ def test_an_image_of_what_is_simulated_has_the_image_of_its_error(model: StaticM
     model.restore(here)
 
 
-def test_it_is_told_once_for_each_pose_and_no_more_often_than_its_share_allows(model: StaticModel) -> None:
-    mesh = Mesh(takes=0.05, first=1.0)
+def test_it_is_told_once_for_each_pose_and_no_more_often_than_its_share_allows(
+    model: StaticModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr("tripod_ik.mesh_error.time", clock)
+    mesh = Mesh(clock, takes=0.05, first=1.0)
     live = LiveMeshError(mesh, share=0.25)
     assert np.isnan(live.distance)
+
+    def asked_at(angle: float, after: float) -> int:
+        clock.now += after
+        live.look(moved(model, angle))
+        finished(live)
+        return mesh.asked
+
+    mesh.may.clear()
     live.look(model.simulation.state)
     live.look(moved(model, 0.1))  # the thread is busy: nobody waits for it
+    mesh.may.set()
     finished(live)
     assert live.distance == pytest.approx(5e-5)
-    deadline = time.monotonic() + DEADLINE
-    for count in (2, 3):
-        while len(mesh.asked) < count:
-            assert time.monotonic() < deadline
-            live.look(moved(model, 0.1 * count))
-            time.sleep(0.001)
-        finished(live)
-    assert mesh.asked[1] - mesh.answered[0] < 3 * mesh.first  # what is built once is not counted
-    assert mesh.asked[2] - mesh.answered[1] >= 3 * mesh.takes
-    live.look(moved(model, 0.3))
-    time.sleep(2 * (mesh.asked[2] - mesh.asked[1]))
-    live.look(moved(model, 0.3))  # there it has been told
-    finished(live)
-    assert len(mesh.asked) == 3
+    assert mesh.asked == 1
+    assert asked_at(0.2, after=0.0) == 2  # what is built once is not counted
+    assert asked_at(0.3, after=2.9 * mesh.takes) == 2
+    assert asked_at(0.3, after=0.2 * mesh.takes) == 3
+    assert asked_at(0.3, after=100.0) == 3  # there it has been told
 
 
 def test_where_there_is_no_richer_mesh_the_reason_is_kept_and_nobody_asks_again(model: StaticModel) -> None:
@@ -113,7 +136,7 @@ def test_where_there_is_no_richer_mesh_the_reason_is_kept_and_nobody_asks_again(
     for angle in (0.0, 0.1, 0.2):
         live.look(moved(model, angle))
         finished(live)
-    assert (len(mesh.asked), live.reason) == (1, "too many elements")
+    assert (mesh.asked, live.reason) == (1, "too many elements")
     assert np.isnan(live.distance)
 
 

@@ -9,9 +9,9 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 import rclpy
-from tests.messages import assert_names, raises_naming
 from tripod_msgs.msg import IkStatus
 
+from tests.messages import assert_names, raises_naming
 from tripod_graph import names
 from tripod_graph.parameters import ParameterError
 from tripod_graph.qos import RELIABLE

@@ -69,6 +69,7 @@ def follow(flat, finder, goals, seconds=1.0):
     return home, ends
 
 
+@pytest.mark.slow
 def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mirrored_goals(flat, finder):
     found = {}
     for name, sign in (("left", 1), ("right", -1)):
@@ -117,6 +118,7 @@ def test_beyond_a_gap_between_sheets_the_closest_pose_is_found_whatever_was_aske
     assert asked(at(0)) == pytest.approx(first, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_where_a_strip_hangs_slack_it_does_not_snap_by_itself(slid_in):
     """Slid in by 35 mm, 90 degrees from a servo: the straight way there snaps a strip while the effector is firm, and
     so does one between two neighbours of the grid.
@@ -146,6 +148,7 @@ def test_goals_on_another_sheet_are_met_soon(between):
     assert ends[2][1].activity is Activity.CLOSEST
 
 
+@pytest.mark.slow
 def test_the_closest_pose_is_that_of_a_search_everywhere(finder):
     """More of them are in benchmarks/ik_circles.py."""
     model = Flood.model(load_scene(SHARP), 0.0, np.zeros(3))

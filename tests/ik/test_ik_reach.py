@@ -155,8 +155,8 @@ def test_without_a_start_the_model_begins_as_near_to_the_working_pose_as_the_ser
     ("values", "named"),
     [
         ({"target": [0, np.nan, 0]}, ("target[1]", "nan")),
-        ({"target": [0, 35, 0]}, ("target y", "35 m", "@Y@", "millimetres", "0.035 m")),
-        ({"target": [0, 0, -0.3]}, ("target z", "-0.3 m", "@Z@")),
+        ({"target": [0, 35, 0]}, ("target y", "35 m", "-0.2236 to 0.2236 m", "millimetres", "0.035 m")),
+        ({"target": [0, 0, -0.3]}, ("target z", "-0.3 m", "-0.2319 to 0.2154 m")),
         ({"tilt": (0.1,)}, ("tilt", "(1,)")),
         ({"torque_max": -1.0}, ("torque limit", "-1 N m")),
         ({"start": [0, 0]}, ("start", "(2,)")),

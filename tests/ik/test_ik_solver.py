@@ -1,14 +1,15 @@
 import dataclasses
 import os
 import signal
-import subprocess
+import threading
+import time
 
 import numpy as np
 import pytest
 
-from tests.messages import assert_names, raises_naming
 from tests.ik.exact import best_step, cost
 from tests.ik.plant import SpringRobot
+from tests.messages import assert_names, raises_naming
 from tripod_graph.names import SERVOS
 from tripod_ik import solver
 from tripod_ik.certificate import kkt_residual, polish
@@ -409,18 +410,30 @@ def test_previous_dt_and_ahead_are_checked():
 
 
 def test_ctrl_c_during_a_solve_is_not_lost():
-    """OSQP installs a handler of its own while it runs; an endless problem and a signal from outside show it."""
+    """OSQP installs a handler of its own while it runs; an endless problem and a signal meanwhile show it."""
     problem = infeasible(typical())
     problem = dataclasses.replace(problem, A=np.zeros((9, 6)), l=np.full(9, -1.0), u=np.full(9, 1.0))
-    one = IkSolver(3, rows=3, max_iterations=2_000_000_000, time_limit=10.0)
+    one = IkSolver(3, rows=3, max_iterations=2_000_000_000, time_limit=60.0)
     one._osqp.update_settings(eps_abs=1e-300, check_termination=0)
-    caught = []
+    caught, ended = [], threading.Event()
+    used = time.pthread_getcpuclockid(threading.get_ident())
+    begun = time.clock_gettime(used)
+
+    def interrupt():
+        """Wait until this thread has computed for so long [s] that it must be in the midst of the solve."""
+        while time.clock_gettime(used) < begun + 0.2:
+            if ended.wait(0.005):
+                return
+        os.kill(os.getpid(), signal.SIGINT)
+
     before = signal.signal(signal.SIGINT, lambda *_: caught.append(True))
-    killer = subprocess.Popen(["/bin/sh", "-c", f"sleep 0.2; kill -INT {os.getpid()}"])
+    killer = threading.Thread(target=interrupt)
+    killer.start()
     try:
         result = one.solve(problem)
     finally:
-        killer.wait()
+        ended.set()
+        killer.join()
         signal.signal(signal.SIGINT, before)
     assert caught == [True]
     assert "interrupt" in result.status

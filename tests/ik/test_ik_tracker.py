@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from tests.messages import raises_naming
 from tests.ik.plant import SpringRobot
+from tests.messages import raises_naming
 from tripod_ik import tracker as tracker_module
 from tripod_ik import tracker_settings
 from tripod_ik.certificate import kkt_residual

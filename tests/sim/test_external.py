@@ -12,6 +12,7 @@ def test_quadratic_elements_find_the_target_stress_of_an_elliptic_membrane(eleme
     assert external.le1(element) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_thick_plate_bends_as_the_target_says() -> None:
     assert external.le10("h20") == pytest.approx(1.0, abs=0.01)
 
@@ -39,6 +40,7 @@ def test_a_slender_cantilever_bends_like_the_elastica(element: str) -> None:
     assert external.cantilever(element) == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["h8_modes", "h8_mean", "h20"])
 def test_nearly_incompressible_a_tapered_panel_does_not_lock(element: str) -> None:
     assert external.cook_incompressible(element) == pytest.approx(1.0, abs=0.01)

@@ -146,6 +146,7 @@ def test_a_peer_that_is_better_is_named():
     assert "2 times as fast" in peers_report.losses(rows, "cloth", 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "case", "most"), [
     ("MuJoCo", "cantilever rest", 3.0), ("MuJoCo", "cloth", 6.0), ("PyBullet", "cantilever swing", 40.0),
     ("Newton", "cloth", 40.0),

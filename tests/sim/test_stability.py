@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import stability
 from tests.scenes import SHARP
+from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import NewtonReport
@@ -230,15 +231,10 @@ SAMPLE = [
 ]
 """The cells of the matrix that `make test` runs; the others take four minutes."""
 
-REST = [
-    cell
-    for cell in itertools.product(stability.CASES, stability.ELEMENTS, stability.SCHEMES)
-    if cell not in SAMPLE
-]
+CELLS = itertools.product(stability.CASES, stability.ELEMENTS, stability.SCHEMES)
 
-@pytest.mark.parametrize(
-    ("name", "element", "scheme"), [*SAMPLE, *(pytest.param(*cell, marks=pytest.mark.slow) for cell in REST)]
-)
+
+@pytest.mark.parametrize(("name", "element", "scheme"), sampled(CELLS, *SAMPLE))
 def test_cell_of_the_stability_matrix(name: str, element: str, scheme: str) -> None:
     found = stability.run(name, element, scheme)
     assert not found.failure

@@ -22,6 +22,7 @@ def run(environ: dict[str, str], *words: str) -> str:
     return done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_scene_that_was_compiled_runs_at_once(environ: dict[str, str]) -> None:
     told = run(environ, "-m", "tools.compile_loops", "pendulum").splitlines()
     assert told[-1] == "compiled the loops of 1 of 1 scenes: pendulum"
