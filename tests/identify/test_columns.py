@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identify.robots import beam, tripod
+from tests.messages import assert_names, raises_naming
 from tripod_identify.columns import Channel, read_header
 from tripod_identify.errors import DataError
 from tripod_identify.measured import read_csv
@@ -44,59 +45,58 @@ def test_renaming_makes_a_column_known() -> None:
 
 
 @pytest.mark.parametrize(
-    ("header", "servos", "said"),
+    ("header", "servos", "named"),
     [
-        (["servo_0_rad", "effector.x"], 1, r"column 'effector.x': no unit; .*effector.x_mm"),
-        (["effector.x_rad"], 0, "column 'effector.x_rad' has a unit of angle; it needs one of length: m, cm, mm"),
-        (["servo_0_mm", "effector.x_mm"], 1, "column 'servo_0_mm' has a unit of length"),
-        (["effector.x_mm", "effector_x_m"], 0, "column 'effector_x_m' is the second one"),
-        (["servo_0_rad", "servo_1_rad", "effector.x_mm"], 3, "command servo_0, servo_1; the scene has 3 servos"),
-        (["servo_1_rad", "effector.x_mm"], 1, "command servo_1; the scene has 1 servos"),
-        (["t_s", "sofa_x_mm"], 0, "no column is of anything in the scene, which has effector, imu, tip"),
+        (["servo_0_rad", "effector.x"], 1, ("'effector.x'", "no unit", "effector.x_mm")),
+        (["effector.x_rad"], 0, ("'effector.x_rad'", "angle", "length: m, cm, mm")),
+        (["servo_0_mm", "effector.x_mm"], 1, ("'servo_0_mm'", "length", "angle")),
+        (["effector.x_mm", "effector_x_m"], 0, ("'effector_x_m'", "second")),
+        (["servo_0_rad", "servo_1_rad", "effector.x_mm"], 3, ("servo_0, servo_1", "3 servos")),
+        (["servo_1_rad", "effector.x_mm"], 1, ("servo_1", "1 servos")),
+        (["t_s", "sofa_x_mm"], 0, ("effector, imu, tip", "sofa_x_mm", "--rename OLD=NEW")),
     ],
-)  # fmt: skip
-def test_a_wrong_header_is_one_line(header: list[str], servos: int, said: str) -> None:
-    with pytest.raises(DataError, match=said) as error:
+)
+def test_a_wrong_header_is_one_line(header: list[str], servos: int, named: tuple[str, ...]) -> None:
+    with raises_naming(DataError, *named) as error:
         read_header(header, SOURCES, servos, {})
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "named"),
     [
-        ("t_s,tip.z_mm\n0,1\n0.1,2\n0.1,3\n", "line 4: time 0.1 s after 0.1 s; times must rise"),
-        ("t_s,tip.z_mm\n0,1\n0.1\n", "line 3 has 1 cells; the header has 2"),
-        ("t_s,tip.z_mm\n0,1\n0.1,wet\n", r"line 3, column 'tip.z_mm': 'wet' is no number"),
-        ("t_s,tip.z_mm\n0,1\nnan,2\n", "line 3: the time is nan; commands and times must be whole"),
-        ("t_s,tip.z_mm\n0,inf\n", "line 2: tip.z is inf m; allowed: -1000 to 1000; leave the cell"),
-        ("t_s,tip.z_mm\n0,1\n0.1,-1e300\n", r"line 3: tip.z is -1e\+297 m; allowed: -1000 to 1000"),
-        ("tip.z_mm\nnan\n\n", "all measured values are missing"),
-        ("tip.z_mm\n", "has 1 lines; it needs a header and at least one row"),
-        ("slide_mm,tip.z_mm\n1,2\n", "scene 'beam' has none: is this another robot's file"),
+        ("t_s,tip.z_mm\n0,1\n0.1,2\n0.1,3\n", ("line 4", "0.1 s after 0.1 s", "--poses")),
+        ("t_s,tip.z_mm\n0,1\n0.1\n", ("line 3", "1 cells", "header", 2)),
+        ("t_s,tip.z_mm\n0,1\n0.1,wet\n", ("line 3", "'tip.z_mm'", "'wet'", "number")),
+        ("t_s,tip.z_mm\n0,1\nnan,2\n", ("line 3", "time", "nan")),
+        ("t_s,tip.z_mm\n0,inf\n", ("line 2", "tip.z", "inf m", "-1000 to 1000", "empty")),
+        ("t_s,tip.z_mm\n0,1\n0.1,-1e300\n", ("line 3", "tip.z", "-1e+297 m", "-1000 to 1000")),
+        ("tip.z_mm\nnan\n\n", ("all measured values", "missing")),
+        ("tip.z_mm\n", ("d.csv", "1 lines", "header", "one row")),
+        ("slide_mm,tip.z_mm\n1,2\n", ("servos", "scene 'beam'", "another robot's")),
     ],
-)  # fmt: skip
-def test_wrong_rows_are_one_line(text: str, said: str, tmp_path: Path) -> None:
+)
+def test_wrong_rows_are_one_line(text: str, named: tuple[object, ...], tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     path.write_text(text)
-    with pytest.raises(DataError, match=said) as error:
+    with raises_naming(DataError, *named) as error:
         read_csv(path, beam(), ("tip",), {})
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "named"),
     [
-        (
-            "-90,0,0,0,0",
-            r"line 2: servo_0 at -90 rad; the scene allows -2.1 to 0.6 rad: .*degrees taken for radians",
-        ),
-        ("0,0,0,50,0", "line 2: slide at 0.05 m; the scene allows 0 to 0.04 m"),
+        ("-90,0,0,0,0", ("line 2", "servo_0", "-90 rad", "-2.1 to 0.6 rad", "degrees")),
+        ("0,0,0,50,0", ("line 2", "slide", "0.05 m", "0 to 0.04 m")),
     ],
 )
-def test_commands_that_the_scene_cannot_follow_are_refused(row: str, said: str, tmp_path: Path) -> None:
+def test_commands_that_the_scene_cannot_follow_are_refused(
+    row: str, named: tuple[str, ...], tmp_path: Path
+) -> None:
     path = tmp_path / "d.csv"
     path.write_text(f"servo_0_rad,servo_1_rad,servo_2_rad,slide_mm,effector.x_mm\n{row}\n")
-    with pytest.raises(DataError, match=said):
+    with raises_naming(DataError, *named):
         read_csv(path, tripod(), ("effector",), {})
 
 
@@ -106,7 +106,8 @@ def test_missing_values_are_left_out_and_told(tmp_path: Path) -> None:
     found = read_csv(path, beam(), ("tip",), {})
     assert found.channels == (Channel("tip", 2),)
     assert np.array_equal(found.values, [[0.001], [np.nan], [0.003]], equal_nan=True)
-    assert found.notes == ("4 of 6 values are missing (empty or NaN) and left out",)
+    (note,) = found.notes
+    assert_names(note, "4 of 6 values", "missing")
     assert found.times is None
 
 
@@ -118,14 +119,14 @@ def test_rows_with_times_can_be_poses(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["tip:0,0,0", "a=tip", "a=tip:0,0", "a=tip:0,0,inf", "a=:0,0,0"])
 def test_a_wrong_point_is_one_line(text: str) -> None:
-    with pytest.raises(DataError, match="is not of the form NAME=SET:X,Y,Z"):
+    with raises_naming(DataError, "--point", repr(text), "NAME=SET:X,Y,Z", "metres"):
         parse_point(text)
 
 
 def test_of_a_file_that_is_not_there_an_example_is_named(tmp_path: Path) -> None:
-    with pytest.raises(
-        DataError, match=r"No such file or directory; it has a row for each pose below"
-    ) as found:
-        read_csv(tmp_path / "poses.csv", tripod(), ("effector",), {})
-    named = str(found.value).rpartition(": ")[2].removesuffix(" is one")
-    assert (Path(__file__).parents[2] / named).is_file()
+    missing, example = tmp_path / "poses.csv", "examples/poses.csv"
+    with raises_naming(
+        DataError, missing, "no such file", example, "servo_0_deg", "slide_mm", "effector.x_mm"
+    ):
+        read_csv(missing, tripod(), ("effector",), {})
+    assert (Path(__file__).parents[2] / example).is_file()

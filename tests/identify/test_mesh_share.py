@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identify.robots import PLACE, beam
+from tests.messages import raises_naming
 from tripod_identify.fit import Fit, _robust
 from tripod_identify.left_over import Smooth
 from tripod_identify.mesh_share import REST, _solve
@@ -97,5 +98,5 @@ def test_other_meshes_are_finer_or_of_another_element(element: str, other: str) 
 
 
 def test_a_scene_without_a_mesh_has_no_other() -> None:
-    with pytest.raises(SceneError, match="no mesh that could be another"):
+    with raises_naming(SceneError, "'pendulum'", "no mesh"):
         other_elements(plainly(load_scene("pendulum")))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identify.robots import MOVING, PLACE, POSE, beam, commands, measured, tripod, write_csv
+from tests.messages import assert_names, raises_naming
 from tripod_host.rotations import rotation_matrix
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
@@ -105,7 +106,7 @@ def test_alignment_takes_away_what_it_names_and_no_more(seen: Measured) -> None:
 
 
 def test_rigid_needs_three_places(seen: Measured) -> None:
-    with pytest.raises(DataError, match="needs three whole places"):
+    with raises_naming(DataError, "--align rigid", "three whole places", "have 2"):
         score(seen.values[:2], seen.rows(np.arange(6) < 2), "rigid")
 
 
@@ -130,8 +131,7 @@ def test_the_command_tells_and_writes(
     assert found["rows"] == 6
     assert found["distance"]["largest"] < 1e-8
     page = (tmp_path / "s.html").read_text()
-    assert "place [mm]" in page
-    assert "data:image/png;base64," in page
+    assert_names(page, "place [mm]", "data:image/png;base64,")
     assert (tmp_path / "s.png").read_bytes()[:4] == b"\x89PNG"
     none = {"report": None, "plot": None}
     assert score_command("tripod", path, align="bent", as_json=False, quiet=True, **more, **none) == 2
@@ -143,13 +143,7 @@ def test_the_command_tells_and_writes(
     )
     away = none | {"report": tmp_path / "gone" / "s.html"}
     assert score_command("tripod", path, align="none", as_json=False, quiet=True, **more, **away) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert (
-        said.pop()
-        == f"tripod score: {away['report']} cannot be written: there is no directory {tmp_path}/gone"
-    )
-    assert said[0] == "tripod score: --align is 'bent'; allowed: none, translation, rigid"
-    assert said[1].startswith(
-        "tripod score: the data command servo_0, servo_1, servo_2; the scene has 0 servos"
-    )
-    assert len(said) == 2
+    bent, pendulum, gone = capsys.readouterr().err.splitlines()
+    assert_names(bent, "tripod score: ", "--align", "'bent'", "none, translation, rigid")
+    assert_names(pendulum, "tripod score: ", "servo_0, servo_1, servo_2", "0 servos")
+    assert_names(gone, "tripod score: ", away["report"], f"no directory {tmp_path}/gone")

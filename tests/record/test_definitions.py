@@ -10,6 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import get_types_from_msg, get_typestore
 from rosbags.typesys.stores import Stores
 
+from tests.messages import raises_naming
 from tripod_record.definitions import (
     SEPARATOR,
     definition_text,
@@ -74,12 +75,12 @@ def test_the_parts_of_a_definition(line: str, expected: list[str]) -> None:
     "name", ["String", "std_msgs/String", "std_msgs/msg/", "../msg/X", "std_msgs/msg/X/Y", "", "a/srv/x"]
 )
 def test_what_is_no_type_name_is_refused(name: str) -> None:
-    with pytest.raises(RecordError, match="is not of the form package/msg/Name"):
+    with raises_naming(RecordError, repr(name), "package/msg/Name"):
         definition_text(name)
 
 
 def test_a_type_that_is_not_installed_is_named() -> None:
-    with pytest.raises(RecordError, match="type 'no_msgs/msg/Nothing' is not installed"):
+    with raises_naming(RecordError, "'no_msgs/msg/Nothing'", "not installed", "build its package"):
         definition_text("no_msgs/msg/Nothing")
 
 

@@ -1,5 +1,6 @@
 """A recording, judged by the independent readers rosbags and mcap: contents, order, a kill at any moment."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import yaml
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader as RosbagsReader
 
+from tests.messages import raises_naming
 from tests.record.bags import START, STRING, cdr_string, new_bag, read_with_rosbags, write_some
 from tripod_record.append_file import TAIL
 from tripod_record.errors import RecordError
@@ -152,14 +154,16 @@ recorder = Recorder(BagWriter(Path(sys.argv[1])), period=0.2)
 recorder.add_topic(STRING)
 i = 0
 while True:
+    now = time.time_ns()
     recorder.offer("/chatter", cdr_string(f"message {i}"), sequence=i)
     i += 1
-    print(time.time_ns(), flush=True)
+    print(now, recorder.progress.messages, flush=True)
     time.sleep(0.005)
 """
 
 
-def test_kill_9_loses_at_most_the_last_second(tmp_path: Path) -> None:
+def test_kill_9_loses_nothing_that_was_synced(tmp_path: Path) -> None:
+    """That is all but what came within the last period, and the time that the disk takes: see test_recorder.py."""
     path = tmp_path / "bag"
     process = subprocess.Popen(
         [sys.executable, "-c", KILLED, str(path)],
@@ -168,17 +172,18 @@ def test_kill_9_loses_at_most_the_last_second(tmp_path: Path) -> None:
         text=True,
     )
     assert process.stdout is not None
-    sent = [int(process.stdout.readline()) for _ in range(300)]
-    killed = time.time_ns()
+    sent = []
+    while not sent or sent[-1][1] < 200:
+        sent.append(tuple(map(int, process.stdout.readline().split())))
     process.kill()
-    sent += [int(line) for line in process.stdout.read().split()]
+    sent += [tuple(map(int, line.split())) for line in process.stdout.read().splitlines()]
     assert process.wait() == -signal.SIGKILL
+    began, synced = sent[0][0], sent[-1][1]
     for place in (path, path / "bag_0.mcap"):
         messages = read_with_rosbags(place)["/chatter"]  # a strict reader, without any repair
         assert [data for _, data in messages] == [cdr_string(f"message {i}") for i in range(len(messages))]
-        assert len(messages) <= len(sent) + 1
-        assert killed - messages[-1][0] < 1e9
-        assert abs(messages[0][0] - sent[0]) < 0.2e9  # stamps are of this century
+        assert synced <= len(messages) <= len(sent) + 1
+        assert began <= messages[0][0] <= time.time_ns()  # stamps are of this century
 
 
 # refusals and full disks -----------------------------------------------------------------------------------
@@ -186,12 +191,13 @@ def test_kill_9_loses_at_most_the_last_second(tmp_path: Path) -> None:
 
 def test_what_cannot_be_created_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(RecordError, match=f"cannot create recording {tmp_path}/file/bag: Not a directory"):
+    remedy = "choose another directory"
+    with raises_naming(RecordError, tmp_path / "file" / "bag", os.strerror(errno.ENOTDIR), remedy):
         BagWriter(tmp_path / "file" / "bag")
     (tmp_path / "taken").mkdir()
-    with pytest.raises(RecordError, match=f"cannot create recording {tmp_path}/taken: File exists"):
+    with raises_naming(RecordError, tmp_path / "taken", os.strerror(errno.EEXIST), remedy):
         BagWriter(tmp_path / "taken")
-    with pytest.raises(RecordError, match="compression 'rar' is unknown; allowed: none, lz4, zstd"):
+    with raises_naming(RecordError, "compression", "'rar'", "none, lz4, zstd"):
         BagWriter(tmp_path / "bag", compression="rar")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "taken"]
 
@@ -199,9 +205,7 @@ def test_what_cannot_be_created_is_refused_by_name(tmp_path: Path) -> None:
 def test_a_topic_of_two_types_is_refused(tmp_path: Path) -> None:
     writer = new_bag(tmp_path / "bag")
     writer.add_topic(STRING)  # again: nothing happens
-    with pytest.raises(
-        RecordError, match="topic /chatter is recorded as std_msgs/msg/String; std_msgs/msg/Bool"
-    ):
+    with raises_naming(RecordError, "/chatter", "std_msgs/msg/String", "std_msgs/msg/Bool"):
         writer.add_topic(Topic("/chatter", "std_msgs/msg/Bool", "bool data\n"))
     writer.close()
 
@@ -235,7 +239,7 @@ def test_a_full_disk_keeps_all_that_was_synced(tmp_path: Path, when: str) -> Non
     root = Path(__file__).parents[2]
     out = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True, env=os.environ).stdout
     before, kept, given = map(int, out.split()[-3:])
-    assert out.startswith("File too large ")
+    assert out.startswith(os.strerror(errno.EFBIG))
     assert before >= 550
     assert kept == (before if when == "sync" else given)  # close begins with a sync, that one had room
     for path in (tmp_path / "bag", tmp_path / "bag" / "bag_0.mcap"):

@@ -10,10 +10,12 @@ from pyarrow import parquet
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
+from tests.messages import assert_names, line_naming, raises_naming
 from tests.replay.sessions import run_session, write_session
 from tripod_bringup.bag_export import export_command, html_command, plot_command
 from tripod_bringup.bag_plot import panels
 from tripod_bringup.cli import app
+from tripod_graph.names import COMMANDS, SCENE
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.table import read_series, table
@@ -148,7 +150,7 @@ def test_a_message_that_ends_with_an_empty_sequence_is_read_as_rclpy_pads_it(tmp
         bag = written(tmp_path / name.replace(" ", "_"), "float64 time\nfloat64[] upper\n", data)
         assert {k: v.tolist() for k, v in read_series(bag)["/sim/status"].values.items()} == {"time": [0.5]}
     bag = written(tmp_path / "torn", "float64 time\nfloat64[] upper\n", said[:-2])
-    with pytest.raises(RecordError, match="a message of /sim/status cannot be read"):
+    with raises_naming(RecordError, "message", "/sim/status"):
         read_series(bag)
 
 
@@ -166,24 +168,24 @@ def test_a_page_is_made_of_the_session_simulated_again(
         snapshot.positions[:] += 1e-9
     other = write_session(found, tmp_path / "other")
     assert html_command(other, tmp_path / "other.html", "") == 1
-    assert "what is shown is not what was recorded, from step 7 " in capfd.readouterr().err
+    line_naming(capfd.readouterr().err, "tripod bag html: ", "recorded", "step 7")
 
 
 @pytest.mark.parametrize(
-    ("command", "out", "words"),
+    ("command", "out", "named"),
     [
-        (export_command, "table.txt", "must end in .csv, .npz or .parquet"),
-        (export_command, "gone/table.csv", "cannot be written"),
-        (html_command, "page.htm", "must end in .html"),
-        (html_command, "page.html", "does not hold what the simulator was given"),
+        (export_command, "table.txt", ("table.txt", ".csv, .npz or .parquet")),
+        (export_command, "gone/table.csv", ("gone/table.csv", "cannot be written")),
+        (html_command, "page.htm", ("page.htm", "end in .html")),
+        (html_command, "page.html", (SCENE, COMMANDS)),
     ],
 )
 def test_what_cannot_be_written_is_refused_in_one_line(
-    bag: Path, command, out: str, words: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    bag: Path, command, out: str, named: tuple[str, ...], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert command(bag, tmp_path / out, "") == 2
     err = capfd.readouterr().err
-    assert words in err
+    assert_names(err, *named)
     assert err.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
@@ -192,7 +194,7 @@ def test_a_recording_without_numbers_says_so(
     bag: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert export_command(bag, tmp_path / "table.csv", "/nothing") == 2
-    assert "nothing to write" in capfd.readouterr().err
+    assert_names(capfd.readouterr().err, "nothing to write", "topics")
 
 
 @pytest.mark.parametrize("command", [export_command, lambda file, out, _: plot_command(file, out)])
@@ -212,7 +214,7 @@ def test_what_is_missing_in_a_damaged_recording_is_told(
     file.write_bytes(data)
     assert command(file, out, "") == 1
     err = capfd.readouterr().err
-    assert f"left out is what cannot be read: {file}: byte " in err
+    assert_names(err, "left out", f"{file}: byte")
     assert err.count("\n") == 1
 
 
@@ -228,5 +230,5 @@ def test_a_recording_of_which_nothing_can_be_read_says_why_nothing_is_written(
     file.write_bytes(data)
     assert command(file, tmp_path / ("table.csv" if command is export_command else "curves.png"), "") == 2
     err = capfd.readouterr().err
-    assert f"; left out is what cannot be read: {file}: byte " in err
+    assert_names(err, "left out", f"{file}: byte")
     assert err.count("\n") == 1

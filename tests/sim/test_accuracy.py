@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from tests.messages import assert_names, line_naming, lines_naming, names, raises_naming
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, load_scene
@@ -82,9 +83,9 @@ def test_the_cheapest_setting_within_the_accuracy_is_picked(accuracy: str, dt: f
     scene = load_scene("pendulum", choice.overrides)
     assert (scene.dt, scene.inertia.scheme) == (dt, "bdf2")
     assert choice.outside == ()
-    changed = "" if dt == load_scene("pendulum").dt else f"dt={dt!r}, "
-    text = f"accuracy {accuracy}: {changed}inertia.scheme=bdf2 (study pendulum); expect an error below"
-    assert choice.sentence.startswith(text)
+    error = f"{float(f'{100 * choice.error:.2g}'):g} %"
+    assert_names(choice.sentence, f"accuracy {accuracy}", "inertia.scheme=bdf2", "study pendulum", error)
+    assert names(choice.sentence, f"dt={dt!r}") == (dt != load_scene("pendulum").dt)
     assert "\n" not in choice.sentence
 
 
@@ -93,14 +94,12 @@ def test_times_are_those_of_this_machine(study: Path) -> None:
     choice = choose("pendulum", "5%", study=study, speed=lambda: 0.06)
     assert choice.seconds == pytest.approx(2 * 0.5)
     assert choose("pendulum", "real-time", study=study, speed=lambda: 0.06).settings["dt"] == 0.005
-    with pytest.raises(
-        SceneError, match=r"no setting of study 'pendulum' takes less than 0\.5 s .* takes 1 s"
-    ):
+    with raises_naming(SceneError, "real-time", "study 'pendulum'", "0.5 s", "1 s", "dt=0.01"):
         choose("pendulum", "real-time", study=study, speed=lambda: 0.3)
     unknown = choose("pendulum", "5%", study=study, speed=lambda: None)
     assert unknown.seconds is None
-    assert "time on this machine unknown" in unknown.sentence
-    with pytest.raises(SceneError, match="this machine's speed is not known"):
+    assert_names(unknown.sentence, "time", "this machine", "unknown")
+    with raises_naming(SceneError, "real-time", "speed", "--accuracy"):
         choose("pendulum", "real-time", study=study, speed=lambda: None)
     assert POINTS[2][2] <= LOAD < POINTS[3][2]
 
@@ -122,30 +121,25 @@ def test_a_budget_takes_the_most_exact_setting_that_keeps_within_it(
     """Steps take 1, 1, 1, 1.1 and 1.5 ms here; the fourth is less exact than the third."""
     choice = choose("pendulum", f"budget {budget}", study=study, speed=same_speed)
     assert choice.settings["dt"] == dt
-    assert choice.sentence.startswith(f"budget {budget}: ")
+    assert_names(choice.sentence, f"budget {budget}")
     least = [c for d, bound, c in POINTS if d == dt]
     assert choice.seconds == pytest.approx(least[0])
 
 
 @pytest.mark.parametrize("budget", ["", "0%", "0ms", "1e3us", "-5%", "fast", "50", "nan%", "2 min"])
 def test_what_is_no_budget_is_refused(budget: str) -> None:
-    with pytest.raises(
-        SceneError, match=r"--budget is '.*'; it must be a share of one core above 0 %, such as 50%"
-    ):
+    with raises_naming(SceneError, f"--budget is '{budget}'", "0 %", "50%", "2ms"):
         asked(f"budget {budget}")
 
 
 def test_a_budget_is_of_this_machine_and_says_the_cheapest(study: Path) -> None:
     slow = lambda: 0.06  # noqa: E731 - half the speed
     assert choose("pendulum", "budget 50%", study=study, speed=slow).settings["dt"] == 0.005
-    least = r"--budget 5%: no setting .* takes less than 0\.05 s .* takes 0\.1 s \(dt=0\.01"
-    with pytest.raises(SceneError, match=least):
+    with raises_naming(SceneError, "--budget 5%", "0.05 s", "second", "0.1 s", "dt=0.01"):
         choose("pendulum", "budget 5%", study=study, speed=same_speed)
-    with pytest.raises(
-        SceneError, match=r"takes less than 0\.0005 s of this machine for a step; the cheapest takes 0\.001 s"
-    ):
+    with raises_naming(SceneError, "--budget 500us", "0.0005 s", "step", "0.001 s"):
         choose("pendulum", "budget 500us", study=study, speed=same_speed)
-    with pytest.raises(SceneError, match="--budget 5%: this machine's speed is not known"):
+    with raises_naming(SceneError, "--budget 5%", "speed", "--accuracy"):
         choose("pendulum", "budget 5%", study=study, speed=lambda: None)
 
 
@@ -156,11 +150,9 @@ def test_a_budget_of_statics_is_a_time_of_a_solve(tmp_path: Path) -> None:
     path.write_text(json.dumps(made_up(**made)))
     still = ["inertia=off", "damping=off"]
     assert choose("tripod", "budget 150ms", still, study=path, speed=same_speed).settings["mesh.level"] == 1
-    with pytest.raises(
-        SceneError, match=r"less than 0\.05 s of this machine for a solve; the cheapest takes 0\.1 s"
-    ):
+    with raises_naming(SceneError, "--budget 50ms", "0.05 s", "solve", "0.1 s"):
         choose("tripod", "budget 50ms", still, study=path, speed=same_speed)
-    with pytest.raises(SceneError, match="--budget 50% needs a study of a motion"):
+    with raises_naming(SceneError, "--budget 50%", "motion", "'tripod_static'", "--accuracy", "--budget"):
         choose("tripod", "budget 50%", still, study=path, speed=same_speed)
 
 
@@ -171,7 +163,8 @@ def test_the_command_takes_a_budget_or_an_accuracy(study: Path) -> None:
     assert json.loads(done.stdout)["accuracy"]["accuracy"] == "budget 1000%"
     both = CliRunner().invoke(app, [*words, "--budget", "50%", "--accuracy", "5%"])
     assert both.exit_code == 2
-    assert both.stderr == "tripod run: --accuracy 5% and --budget 50% exclude each other; leave one out\n"
+    assert_names(both.stderr, "tripod run", "--accuracy 5%", "--budget 50%")
+    assert len(both.stderr.splitlines()) == 1
 
 
 def test_a_study_of_a_gentle_motion_gets_a_larger_margin(tmp_path: Path) -> None:
@@ -204,22 +197,24 @@ def beside(*errors: float | None) -> dict[str, Any]:
 
 def test_all_that_a_study_promises_is_within_the_accuracy(tmp_path: Path) -> None:
     path = tmp_path / "mine.json"
-    path.write_text(json.dumps(beside(0.01, 0.01, 0.05, 0.002, 0.002)))
+    made = beside(0.01, 0.01, 0.05, 0.002, 0.002)
+    path.write_text(json.dumps(made))
     choice = choose("pendulum", "5%", study=path, speed=same_speed)
     assert choice.settings["dt"] == 0.001, "0.002 has the end within 1.7 %, but the middle only within 15 %"
     end, middle = MARGIN * 0.9 * 0.007 + 0.1 * 0.007, MARGIN * 0.002 + 0.001
     point = next(p for p in read_study(path).points if p.settings["dt"] == 0.001)
     assert expected(read_study(path), point) == pytest.approx((end, middle))
     assert choice.error == pytest.approx(max(end, middle))
-    assert choice.quantity == "where the free end is; where the middle is"
-    told = "expect an error below 2 % of: where the free end is, and below 0.7 % of: where the middle is; "
-    assert told in choice.sentence
+    assert choice.quantity.split("; ") == [quantity["what"] for quantity in made["quantities"]]
+    first, _, second = choice.sentence.partition("0.7 %")
+    assert_names(first, "2 %", "the free end")
+    assert_names(second, "the middle")
 
 
 def test_what_is_promised_has_an_error_at_every_point(tmp_path: Path) -> None:
     path = tmp_path / "mine.json"
     path.write_text(json.dumps(beside(0.01, 0.01, None, 0.002, 0.002)))
-    with pytest.raises(SceneError, match=r"points\.2\.errors\.middle\.relative is None; it must be a finite"):
+    with raises_naming(SceneError, "points.2.errors.middle.relative is None", "finite"):
         read_study(path)
 
 
@@ -229,7 +224,7 @@ def test_an_effect_with_its_numbers_is_a_setting(tmp_path: Path) -> None:
     path.write_text(json.dumps(made_up(study="mine", scene="tripod_sharp", points=[soft])))
     choice = choose(SHARP, "50%", study=path, speed=same_speed)
     assert load_scene(SHARP, choice.overrides).clamp.stiffness == 1.4e10
-    assert "clamp={stiffness=1.4e10}" in choice.sentence
+    assert_names(choice.sentence, "clamp={stiffness=1.4e10}")
     assert choice.outside == ()
     given = load_scene(SHARP, ["clamp={stiffness=1.4e10}"])
     assert holds(given, "clamp", "{stiffness=1.4e10}")
@@ -245,7 +240,7 @@ def test_a_study_names_its_draft(tmp_path: Path) -> None:
     path.write_text(json.dumps(made_up(draft={"dt": 7.0})))  # no such point
     assert choose("pendulum", "draft", study=path, speed=same_speed).settings["dt"] == 0.005
     path.write_text(json.dumps(made_up(draft=3)))
-    with pytest.raises(SceneError, match="draft is 3; it must be a table"):
+    with raises_naming(SceneError, "draft is 3", "table"):
         read_study(path)
 
 
@@ -271,10 +266,7 @@ def test_one_per_cent_of_the_tripod_is_promised_at_rest_and_in_motion() -> None:
 
 
 def test_what_no_setting_reaches_is_told_with_the_best(study: Path) -> None:
-    with pytest.raises(
-        SceneError,
-        match=r"--accuracy 0\.01 %: no setting of study 'pendulum' is so exact; the best promises 0\.22 %",
-    ):
+    with raises_naming(SceneError, "--accuracy 0.01 %", "study 'pendulum'", "0.22 %", "--accuracy reference"):
         choose("pendulum", "0.01%", study=study, speed=same_speed)
 
 
@@ -287,8 +279,7 @@ def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     assert scene.gravity.acceleration == (0, 0, -3)
     assert scene.inertia.scheme == "bdf2"
     assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
-    told = "outside the study, which promises nothing then: dt=0.004; gravity.acceleration=[0, 0, -3]"
-    assert choice.sentence.endswith(told)
+    assert_names(choice.sentence, "outside the study", "dt=0.004", "gravity.acceleration=[0, 0, -3]")
     free = ["dt=0.002", "duration=9.0", "time_error={}"]
     assert choose("pendulum", "3%", free, study=study, speed=same_speed).outside == ()
     chosen = choose("pendulum", "3%", ["dt=auto"], study=study, speed=same_speed)
@@ -321,82 +312,79 @@ def test_static_solves_are_for_scenes_without_inertia(tmp_path: Path) -> None:
     choice = choose("tripod", "40%", still, study=path, speed=same_speed)
     assert choice.outside == ()
     assert load_scene("tripod", choice.overrides).inertia is None
-    assert choice.sentence.startswith("accuracy 40%: mesh.level=1 (quick study pendulum)"), (
-        "what is as it was is left out"
-    )
-    assert "for each solve" in choice.sentence
-    with pytest.raises(SceneError, match="is of static solves, and the scene moves"):
+    assert_names(choice.sentence, "accuracy 40%", "mesh.level=1", "quick study pendulum", "each solve")
+    assert not names(choice.sentence, "solver.tolerance"), "what is as it was is left out"
+    with raises_naming(SceneError, "--study", "static solves", "moves"):
         choose("tripod", "40%", study=path, speed=same_speed)
-    with pytest.raises(SceneError, match="real-time needs a study of a motion"):
+    with raises_naming(SceneError, "real-time", "motion", "'pendulum'", "static solves", "--budget"):
         choose("tripod", "real-time", still, study=path, speed=same_speed)
 
 
 def test_a_scene_without_a_study_says_how_to_make_one(tmp_path: Path) -> None:
-    with pytest.raises(
-        SceneError,
-        match="no study of scene 'silicone_free' where it moves: `tripod study silicone_free` makes one, for --study",
+    with raises_naming(
+        SceneError, "scene 'silicone_free'", "`tripod study silicone_free`", "--study", "moves"
     ):
         choose("silicone_free", "5%", speed=same_speed)
     own = tmp_path / "my strip.toml"
     own.write_text(scene_text("silicone_free"))
-    with pytest.raises(SceneError, match=r"`tripod study '.*/my strip.toml'` makes one"):
+    with raises_naming(SceneError, f"`tripod study '{own}'`"):
         choose(str(own), "5%", speed=same_speed)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "named"),
     [
-        ({"scene": "cloth"}, "--study: it is of scene 'cloth', not of 'pendulum'"),
-        ({"cpu": "s per solve"}, "--study: it is of static solves, and the scene moves"),
-        ({"points": []}, "study 'pendulum' has no point that worked"),
-        ({"format": 2}, "format is 2; this version reads format 1"),
-        ({"format": True}, "format is True"),
-        ({"points": 7}, "points is 7; it must be a list"),
-        ({"points": [3]}, "points.0 is 3; it must be a table"),
-        ({"scene": "a\nb"}, "scene is 'a\\nb'; it must be a line of text"),
-        ({"quantities": []}, "quantities.0 is None"),
-        ({"machine": {"calibration": 0}}, "machine.calibration is 0; it must be a positive number"),
-        ({"cpu": "hours"}, "cpu is 'hours'; it must be"),
+        ({"scene": "cloth"}, ("--study", "'cloth'", "'pendulum'")),
+        ({"cpu": "s per solve"}, ("--study", "static solves", "moves")),
+        ({"points": []}, ("study 'pendulum'", "no point")),
+        ({"format": 2}, ("format is 2", "reads format 1")),
+        ({"format": True}, ("format is True",)),
+        ({"points": 7}, ("points is 7", "list")),
+        ({"points": [3]}, ("points.0 is 3", "table")),
+        ({"scene": "a\nb"}, ("scene is 'a\\nb'", "line")),
+        ({"quantities": []}, ("quantities.0 is None",)),
+        ({"machine": {"calibration": 0}}, ("machine.calibration is 0", "positive")),
+        ({"cpu": "hours"}, ("cpu is 'hours'", "s per simulated second", "s per solve")),
     ],
 )
-def test_a_wrong_study_is_named(changes: dict, message: str, tmp_path: Path) -> None:
+def test_a_wrong_study_is_named(changes: dict, named: tuple[str, ...], tmp_path: Path) -> None:
     path = tmp_path / "wrong.json"
     path.write_text(json.dumps(made_up(**changes)))
-    with pytest.raises(SceneError) as caught:
+    with raises_naming(SceneError, *named) as caught:
         choose("pendulum", "5%", study=path, speed=same_speed)
-    assert message in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    ("settings", "named"),
     [
-        ({"springs.source": "secret.obj"}, "'springs.source' is not a field that a study may set"),
-        ({"obstacles.0.source": "x"}, "is not a field that a study may set"),
-        ({"dt": [1]}, "points.0.settings.dt is [1]"),
-        ({"mesh": '{source="secret.obj"}'}, "points.0.settings.mesh is '{source="),
-        ({"mesh": "{level=2, scale=[1]}"}, "points.0.settings.mesh is '{level=2, scale=[1]}'"),
-        ({"dt": float("nan")}, "points.0.settings.dt is nan"),
-        ({"dt": 10**30}, "points.0.settings.dt is 1000"),
-        ({"inertia.scheme": "../../etc/passwd"}, "points.0.settings.inertia.scheme is '../../etc"),
-        ({"inertia.scheme": "bdf2\n[springs]"}, "it must be a word"),
-        ("dt", "points.0.settings is 'dt'; it must be a table"),
+        ({"springs.source": "secret.obj"}, ("'springs.source'", "field")),
+        ({"obstacles.0.source": "x"}, ("'obstacles.0.source'", "field")),
+        ({"dt": [1]}, ("points.0.settings.dt is [1]",)),
+        ({"mesh": '{source="secret.obj"}'}, ("points.0.settings.mesh is '{source=",)),
+        ({"mesh": "{level=2, scale=[1]}"}, ("points.0.settings.mesh is '{level=2, scale=[1]}'",)),
+        ({"dt": float("nan")}, ("points.0.settings.dt is nan",)),
+        ({"dt": 10**30}, ("points.0.settings.dt", 10**30)),
+        ({"inertia.scheme": "../../etc/passwd"}, ("points.0.settings.inertia.scheme is '../../etc",)),
+        ({"inertia.scheme": "bdf2\n[springs]"}, ("points.0.settings.inertia.scheme", "a word")),
+        ("dt", ("points.0.settings is 'dt'", "table")),
     ],
 )
-def test_a_study_sets_numbers_and_words_and_nothing_else(settings: Any, message: str, tmp_path: Path) -> None:
+def test_a_study_sets_numbers_and_words_and_nothing_else(
+    settings: Any, named: tuple[object, ...], tmp_path: Path
+) -> None:
     path = tmp_path / "hostile.json"
     point = {**made_up()["points"][1], "settings": settings}
     path.write_text(json.dumps(made_up(points=[point])))
-    with pytest.raises(SceneError) as caught:
+    with raises_naming(SceneError, *named):
         read_study(path)
-    assert message in str(caught.value)
 
 
 def test_settings_that_the_scene_refuses_are_told(tmp_path: Path) -> None:
     path = tmp_path / "other.json"
     point = {**made_up()["points"][1], "settings": {"dt": -1.0}}
     path.write_text(json.dumps(made_up(points=[point])))
-    with pytest.raises(SceneError, match=r"dt is -1\.0"):
+    with raises_naming(SceneError, "dt is -1.0"):
         choose("pendulum", "50%", study=path, speed=same_speed)
 
 
@@ -406,25 +394,26 @@ def test_settings_that_the_scene_refuses_are_told(tmp_path: Path) -> None:
 def test_a_file_that_is_no_study_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.json"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(SceneError, match=r"bad\.json"):
+    with raises_naming(SceneError, "bad.json"):
         read_study(path)
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    for path, message in (
-        (tmp_path, "^study '[^']*' cannot be read: it is not a file but a directory$"),
-        (tmp_path / "none.json", "cannot be read"),
-        (Path("a\0b"), "read"),
+    for path, named in (
+        (tmp_path, (f"study '{tmp_path}'", "directory")),
+        (tmp_path / "none.json", (f"study '{tmp_path / 'none.json'}'", "read")),
+        (Path("a\0b"), ("read",)),
     ):
-        with pytest.raises(SceneError, match=message):
+        with raises_naming(SceneError, *named) as caught:
             read_study(path)
+        assert len(str(caught.value).splitlines()) == 1
     large = tmp_path / "large.json"
     large.write_bytes(b" " * 20_000_001)
-    with pytest.raises(SceneError, match="is larger than"):
+    with raises_naming(SceneError, "large.json", "larger"):
         read_study(large)
     latin = tmp_path / "latin.json"
     latin.write_bytes(b'{"study": "\xe9"}')
-    with pytest.raises(SceneError, match="not valid JSON"):
+    with raises_naming(SceneError, "latin.json", "JSON"):
         read_study(latin)
 
 
@@ -451,9 +440,7 @@ def test_no_study_does_more_than_be_refused(
     "text", ["5", "-5%", "0%", "101%", "nan%", "1e1%", "fast", "", "5%%", "\u0665%", "5 % %"]
 )
 def test_an_accuracy_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(
-        SceneError, match=r"--accuracy is .* such as 5%, or one of: draft, real-time, reference"
-    ):
+    with raises_naming(SceneError, "--accuracy", "5%", "0 %", "100 %", "draft", "real-time", "reference"):
         asked(text)
 
 
@@ -474,7 +461,7 @@ def test_every_shipped_study_can_be_read_and_serves_its_scene() -> None:
 def test_what_swings_on_is_promised_for_the_time_that_was_studied(scene: str) -> None:
     assert load_scene(scene).duration > 1
     choice = choose(scene, "reference", speed=same_speed)
-    assert choice.told.endswith("the worst instant of the first second")
+    assert_names(choice.told, "first second")
 
 
 def test_this_machine_is_measured() -> None:
@@ -487,29 +474,29 @@ def test_run_takes_the_setting_and_says_so(study: Path) -> None:
     words = ["run", "pendulum", "--accuracy", "5%", "--study", str(study), "--duration", "0.02"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
-    assert "accuracy 5%: dt=0.002, inertia.scheme=bdf2" in done.stderr
-    assert "10 steps of 2 ms" in done.stdout
-    assert "% (study pendulum) of: " in done.stdout
+    line_naming(done.stderr, "accuracy 5%", "dt=0.002", "inertia.scheme=bdf2")
+    line_naming(done.stdout, "10 steps", "2 ms")
+    line_naming(done.stdout, "study pendulum", "%")
     done = CliRunner().invoke(app, [*words, "--set", "dt=0.004", "--json"])
     result = json.loads(done.stdout)
     assert result["dt"] == 0.004
     assert result["accuracy"]["outside"] == ["dt=0.004"]
-    assert result["figures"]["accuracy"] == "not known: study pendulum has not seen dt=0.004"
+    assert_names(result["figures"]["accuracy"], "not known", "study pendulum", "dt=0.004")
     assert result["accuracy"]["settings"]["dt"] == 0.002
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (["--accuracy", "5"], "--accuracy is '5'"),
-        (["--accuracy", "5%", "--study", "/no/such.json"], "study '/no/such.json' cannot be read"),
-        (["--study", "x.json"], "--study needs --accuracy or --budget"),
+        (["--accuracy", "5"], ("--accuracy is '5'",)),
+        (["--accuracy", "5%", "--study", "/no/such.json"], ("study '/no/such.json'",)),
+        (["--study", "x.json"], ("--study", "--accuracy", "--budget")),
     ],
 )
-def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], named: tuple[str, ...]) -> None:
     done = CliRunner().invoke(app, ["run", "pendulum", *words])
     assert done.exit_code == 2
-    assert message in done.stderr
+    assert_names(done.stderr, *named)
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -536,13 +523,11 @@ def test_only_a_stable_run_exits_with_0(words: list[str], code: int) -> None:
     """The second one grows and ends before a number overflows, the third overflows: on purpose or not, both failed."""
     done = CliRunner().invoke(app, ["run", "pendulum", "--duration", "0.5", *words, "--json"])
     assert done.exit_code == code, done.stderr
-    told = "unstable" in done.stderr
-    assert told == bool(code)
-    assert len([line for line in done.stderr.splitlines() if "unstable" in line]) == code
+    assert len(lines_naming(done.stderr, "unstable")) == code
 
 
 def test_explain_fails_on_an_unstable_body() -> None:
     words = ["--set", "springs.node_mass=0.005", "--set", "inertia.substeps=off", "--at", "0.06"]
     done = CliRunner().invoke(app, ["explain", "pendulum", *words, "--no-costs", "-q"])
     assert done.exit_code == 1
-    assert done.stderr.startswith("tripod explain: unstable: since step")
+    line_naming(done.stderr, "tripod explain", "unstable", "step")

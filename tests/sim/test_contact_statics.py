@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tests.sim.contact_scenes import refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.statics import ContactStatics
@@ -149,16 +150,18 @@ def test_what_finds_no_equilibrium_ends_with_the_state_as_it_was(monkeypatch: py
     simulation = Simulation(load_scene("drape", [*CLOTH, *STILL]))
     before = simulation.positions.tobytes()
     monkeypatch.setattr(ContactStatics, "MOST", 1)
-    with pytest.raises(
-        StepError, match=r"no equilibrium among the obstacles, unbalanced force .* N above 0.0001 N"
-    ):
+    with raises_naming(StepError, "no equilibrium", "unbalanced force", "above 0.0001 N") as caught:
         simulation.step()
+    force = float(str(caught.value).partition("force ")[2].split()[0])
+    assert force > 1e-4
     assert simulation.positions.tobytes() == before
     assert simulation.state.step == 0
 
 
 def test_what_nothing_holds_is_refused() -> None:
-    assert "nothing holds the body" in refusal("stack", ["inertia=off"])
+    assert_names(refusal("stack", ["inertia=off"]), "nothing holds")
     ball = "rigid=[{shape='ball', radius=0.05, position=[0,0,0.5]}]"
-    assert "rigid needs inertia: nothing holds the bodies" in refusal("drape", [*CLOTH, *STILL, ball])
-    assert "nothing holds the body" in refusal("silicone_drop", STILL)
+    assert_names(
+        refusal("drape", [*CLOTH, *STILL, ball]), "rigid needs inertia", "[inertia]", "[[obstacles]]"
+    )
+    assert_names(refusal("silicone_drop", STILL), "nothing holds")

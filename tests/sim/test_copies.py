@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.explain.sampling import swing
 
@@ -77,7 +78,7 @@ def test_how_it_goes_on_depends_on_the_restored_state_alone(
 
 
 def test_a_name_in_place_of_a_scene_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"scene is 'tripod'; it must be what load_scene returns"):
+    with raises_naming(SceneError, "scene is 'tripod'", "load_scene"):
         Simulation("tripod")  # type: ignore[arg-type]
 
 
@@ -104,5 +105,8 @@ def test_what_a_program_keeps_of_a_step_stays_as_it_was() -> None:
 def test_a_notebook_shows_a_simulation_and_a_state_in_one_line() -> None:
     simulation = Simulation(load_scene("cloth", ["springs.nodes=5"]))
     simulation.advance(3)
-    assert repr(simulation.save()[0]) == "<State of 25 nodes at 0.015 s, step 3>"
-    assert repr(simulation) == "<Simulation of 'cloth': 69 unknowns, <State of 25 nodes at 0.015 s, step 3>>"
+    state, whole = repr(simulation.save()[0]), repr(simulation)
+    assert_names(state, "State", "25 nodes", "0.015 s", "step 3")
+    assert_names(whole, "Simulation", "'cloth'", "69 unknowns")
+    assert state in whole
+    assert "\n" not in whole

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.messages import assert_names, line_naming, raises_naming
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene
@@ -168,7 +169,7 @@ def test_arrays_are_found_once_and_by_their_owner() -> None:
     assert parts["solid"] >= matrices.nbytes
     mine = {id(a): a.nbytes for a, _ in arrays}
     assert sum(parts.values()) == sum(mine.values())
-    assert parts["statics: start pose and compliance"] > 0
+    assert next(size for part, size in parts.items() if part.startswith("statics")) > 0
 
 
 def test_memory_that_many_arrays_show_is_counted_once() -> None:
@@ -217,7 +218,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
             {"gradient", "factorisation", "back-substitution", "compiled loop: the rest"},
         ),
         ("cloth", ["springs.nodes=6", "solver.linear=cg"], {"conjugate gradients"}),
-        ("pendulum", [], {"spring forces", "watch over the energy", "compiled loop: its call for one step"}),
+        ("pendulum", [], {"spring forces", "watch over the energy", "compiled loop: its call"}),
         ("drape", ["springs.source=grid", "springs.nodes=5", "springs.size=0.3"], {"contact: near pairs"}),
         ("pendulum", ["inertia.scheme=bdf2", "strain_limit={}"], {"strain limit", "gradient"}),
         (
@@ -229,8 +230,8 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_stages_make_up_the_step(source: str, words: list[str], stages: set[str]) -> None:
     found = explain(source, words, costs=False)
-    names = {s.name for s in found.stages}
-    assert stages <= names
+    for stage in stages:
+        assert any(s.name.startswith(stage) for s in found.stages), stage
     assert found.stages[-1].name == OTHER
     assert sum(s.seconds for s in found.stages) == pytest.approx(found.step.mean)
     assert all(np.isfinite(s.seconds) for s in found.stages)
@@ -247,8 +248,8 @@ def test_what_is_absent_is_measured_or_says_why_not() -> None:
     assert costs["effector"].seconds is not None
     assert costs["effector"].why_not == ""
     assert costs["clamp"].seconds is None
-    assert costs["clamp"].why_not.startswith("clamp needs servos")
-    assert costs["strain_limit"].why_not.startswith("strain_limit needs springs")
+    assert_names(costs["clamp"].why_not, "clamp", "servos")
+    assert_names(costs["strain_limit"].why_not, "strain_limit", "springs")
     assert "switching on effector" in told
 
 
@@ -257,12 +258,12 @@ def test_what_typical_steps_do_not_show_is_said(monkeypatch: pytest.MonkeyPatch)
     for name, words in ("gravity", "a tide each day"), ("effector", "a look each hour"):
         monkeypatch.setitem(EFFECTS, name, replace(EFFECTS[name], seldom=words))
     found = explain("silicone", TRIPOD)
-    assert "gravity: a tide each day; these steps do not show it" in found.notes
+    line_naming("\n".join(found.notes), "gravity", "a tide each day")
     assert {c.effect: c.besides for c in found.absent if c.besides} == {"effector": "a look each hour"}
 
 
 def test_the_price_of_estimates_is_their_share() -> None:
-    assert EFFECTS["mesh_error"].seldom.startswith("estimates take mesh_error.share (0.12 unless set)")
+    assert_names(EFFECTS["mesh_error"].seldom, "mesh_error.share", 0.12)
 
 
 @pytest.mark.usefixtures("short")
@@ -270,8 +271,8 @@ def test_what_would_take_too_long_is_left_out_and_said(monkeypatch: pytest.Monke
     monkeypatch.setattr("tripod_sim.explain.costs.PATIENCE", 1e-6)
     found = {c.effect: c for c in explain("silicone", TRIPOD).absent}
     assert found["effector"].seconds is None
-    assert found["effector"].why_not == "left out: it would take longer than 1e-06 s to measure"
-    assert found["clamp"].why_not.startswith("clamp needs servos")
+    assert_names(found["effector"].why_not, "left out", "1e-06 s")
+    assert_names(found["clamp"].why_not, "clamp", "servos")
 
 
 @pytest.mark.usefixtures("short")
@@ -307,7 +308,7 @@ def test_what_is_less_than_the_scene_differs_from_itself_is_noise(monkeypatch: p
 @pytest.mark.parametrize("effect", ["fixed", "prescribed"])
 def test_among_rigid_bodies_alone_there_are_no_nodes_to_hold(effect: str) -> None:
     base = Sampler(Simulation(load_scene("bounce")))
-    assert cost(effect, "bounce", [], base, 1, 0.0).why_not.startswith(f"{effect} needs a soft body")
+    assert_names(cost(effect, "bounce", [], base, 1, 0.0).why_not, effect, "soft body")
 
 
 def test_a_fixed_box_holds_one_end_of_the_body() -> None:
@@ -340,9 +341,9 @@ def test_what_holds_nodes_is_added_to_what_the_scene_has(effect: str, source: st
 
 
 def test_bad_input_is_named() -> None:
-    with pytest.raises(SceneError, match="--at is -1 s; it must be 0 to"):
+    with raises_naming(SceneError, "--at is -1 s", "0 to"):
         explain(SHARP, TRIPOD, at=-1.0)
-    with pytest.raises(SceneError, match="--at is nan s"):
+    with raises_naming(SceneError, "--at is nan s"):
         explain(SHARP, TRIPOD, at=float("nan"))
 
 
@@ -351,13 +352,8 @@ def test_the_command_prints_tables_or_json() -> None:
     words = ["explain", "tripod", "--set", "mesh.level=1", "--no-costs", "--at", "0.02"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
-    for text in (
-        "elastic forces",
-        "unknowns",
-        "all arrays",
-        "effects: gravity, inertia, damping, servos, clamp, effector",
-    ):
-        assert text in done.stdout
+    assert_names(done.stdout, "elastic forces", "unknowns", "all arrays")
+    line_naming(done.stdout, "effects", "gravity", "inertia", "damping", "servos", "clamp", "effector")
     done = CliRunner().invoke(app, [*words, "--json"])
     table = json.loads(done.stdout)
     assert table["scene"] == "tripod"
@@ -367,15 +363,15 @@ def test_the_command_prints_tables_or_json() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (["trpod"], "scene 'trpod' is unknown"),
-        (["tripod", "--set", "dt=-1"], "dt is -1"),
-        (["tripod", "--at", "-1"], "--at is -1 s"),
+        (["trpod"], ("scene 'trpod'", "tripod")),
+        (["tripod", "--set", "dt=-1"], ("dt is -1.0", "at least 1e-09 s", "at most 1 s")),
+        (["tripod", "--at", "-1"], ("--at is -1 s",)),
     ],
 )
-def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], named: tuple[str, ...]) -> None:
     done = CliRunner().invoke(app, ["explain", *words])
     assert done.exit_code == 2
-    assert message in done.stderr
+    assert_names(done.stderr, *named)
     assert len(done.stderr.splitlines()) == 1

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.messages import names, raises_naming
 from tripod_sim import Simulation, StepError, load_scene
 
 ORDERS = {"explicit_euler": 1, "semi_implicit_euler": 1, "rk4": 4}
@@ -94,19 +95,17 @@ def test_steps_are_divided_until_they_are_stable() -> None:
 def test_explicit_euler_without_damping_is_told_to_be_stable_at_no_step() -> None:
     words = ["mesh.level=1", "mesh.element=t4", "inertia.scheme=explicit_euler", "damping=off"]
     simulation = Simulation(load_scene("silicone", words))
-    with pytest.raises(
-        StepError, match=r"limit is 0 s, .* stable at no step where nothing damps: add damping"
-    ):
+    with raises_naming(StepError, "limit is 0 s", "no step", "add damping"):
         for _ in range(50):
             simulation.step()
 
 
 def test_a_step_of_far_too_many_parts_is_refused_at_once() -> None:
     """It would take minutes: damping by 0.05 s lets a part be no longer than 27 ns."""
-    with pytest.raises(
-        StepError, match=r"would take \d{6} parts of 2\.7e-08 s; .* an implicit scheme needs no limit"
-    ):
+    with raises_naming(StepError, "parts of 2.7e-08 s", "implicit scheme") as caught:
         Simulation(load_scene("tripod_sofa", ["inertia.scheme=semi_implicit_euler"])).step()
+    count = int(str(caught.value).partition(" parts of ")[0].split()[-1])
+    assert 100_000 <= count < 1_000_000
 
 
 @pytest.mark.parametrize("scheme", ["semi_implicit_euler", "rk4"])
@@ -123,11 +122,10 @@ def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
              "dt=2e-4"]  # fmt: skip
     simulation = Simulation(load_scene("silicone", words))
     flagged = 0
-    with pytest.raises(
-        StepError, match=r"is (turned inside out|crushed|blown up) .* limit is .* s, dt 0\.0002 s"
-    ):
+    with raises_naming(StepError, "element", "limit is", "dt 0.0002 s") as caught:
         for step in range(1, 300):
             report = simulation.step()
             flagged = flagged or (step if report.growth > 0 else 0)
+    assert any(names(caught.value, fault) for fault in ("turned inside out", "crushed", "blown up"))
     assert np.isfinite(simulation.positions).all()
     assert 0 < flagged <= simulation.state.step

@@ -5,6 +5,7 @@ import pytest
 import scipy.linalg
 
 from tests.memory import kept
+from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.constraints.groups import Groups
@@ -325,7 +326,7 @@ def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
     words = [*SMALL, "inertia={scheme='semi_implicit_euler', substeps='off'}", "damping=off", "dt=2.5e-4"]
     simulation = Simulation(load_scene(SHARP, words))
     flagged = 0
-    with pytest.raises(StepError, match=r"limit is .* s, dt 0\.00025 s; substeps = 'auto' divides the step"):
+    with raises_naming(StepError, "limit is", "dt 0.00025 s", "substeps = 'auto'"):
         for step in range(1, 300):
             report = simulation.step(np.array([-1e-4 * step] * 3 + [0.0]))
             flagged = flagged or (step if "unstable: since step" in report.instability else 0)
@@ -352,13 +353,13 @@ def test_masses_in_a_line_are_refused() -> None:
     line = np.flatnonzero((np.abs(rest[:, 1]) < 1e-9) & (rest[:, 2] > 1e-9))[:3]
     assert len(line) == 3
     system = System(rest, [solid], Groups(len(rest), (line,)))
-    with pytest.raises(
-        SceneError, match=r"rigid body 0 \(3 nodes\) lie in a line, .* choose one of: implicit_euler"
-    ):
+    with raises_naming(SceneError, "rigid body 0", "3 nodes", "in a line", "implicit_euler"):
         ExplicitSteps(system, mass, "rk4", drag=0.0, rayleigh=0.0, divide=True)
 
 
-@pytest.mark.parametrize("words", [["inertia.substeps=never"], ["dt=0"]])
-def test_bad_input_is_refused(words: list[str]) -> None:
-    with pytest.raises(SceneError, match=words[0].split("=")[0]):
-        load_scene(SHARP, ["inertia.scheme=rk4", *words])
+@pytest.mark.parametrize(
+    ("word", "named"), [("inertia.substeps=never", "inertia.substeps is 'never'"), ("dt=0", "dt is 0.0")]
+)
+def test_bad_input_is_refused(word: str, named: str) -> None:
+    with raises_naming(SceneError, named):
+        load_scene(SHARP, ["inertia.scheme=rk4", word])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from tests.messages import names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.build import build
@@ -194,10 +195,10 @@ def test_conjugate_gradients_report_what_they_do_not_solve() -> None:
     b = np.random.default_rng(1).standard_normal(n)
     strict = ConjugateGradients(upper, blocks_of(n), tolerance=1e-30)
     assert strict.factor()
-    with pytest.raises(LinearError, match=r"did not converge.*tolerance 1e-30.*solver.linear = 'ldl'"):
+    with raises_naming(LinearError, "did not converge", "tolerance 1e-30", "solver.linear = 'ldl'"):
         strict.solve(b)
     b[3] = np.nan
-    with pytest.raises(LinearError, match="not finite"):
+    with raises_naming(LinearError, "not finite"):
         strict.solve(b)
     np.testing.assert_array_equal(strict.solve(np.zeros(n)), np.zeros(n))
     # indefinite, but with positive blocks: the direction of negative curvature itself cannot be missed
@@ -205,12 +206,12 @@ def test_conjugate_gradients_report_what_they_do_not_solve() -> None:
     upper.setdiag(upper.diagonal() - 0.5 * (values[0] + values[1]))
     solver = ConjugateGradients(upper, blocks_of(n))
     assert solver.factor()
-    with pytest.raises(LinearError, match="met negative curvature"):
+    with raises_naming(LinearError, "negative curvature"):
         solver.solve(whole(upper) @ vectors[:, 0])
     upper.setdiag(-np.abs(upper.diagonal()))
     assert solver.factor()
     assert not solver.is_positive()
-    with pytest.raises(LinearError, match="diagonal block is not"):
+    with raises_naming(LinearError, "diagonal block"):
         solver.solve(np.ones(n))
 
 
@@ -297,8 +298,9 @@ def test_a_tolerance_below_rounding_is_reported() -> None:
         "solver.linear=cg",
         "solver.linear_tolerance=1e-30",
     ]
-    with pytest.raises(StepError, match=r"conjugate gradients did not converge|tangent is singular"):
+    with pytest.raises(StepError) as caught:
         Simulation(load_scene(SHARP, options)).step(np.array([-0.1, 0, 0, 0]))
+    assert names(caught.value, "conjugate gradients", "1e-30") or names(caught.value, "tangent is singular")
 
 
 def test_a_solver_that_gives_up_fails_the_step_and_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -310,10 +312,10 @@ def test_a_solver_that_gives_up_fails_the_step_and_leaves_the_state(monkeypatch:
     for system in (simulation._system, simulation._static.system):
         for name in ("solve", "solve_many"):
             monkeypatch.setattr(system.linear, name, give_up)
-    with pytest.raises(StepError, match=r"step 1 .* cannot be saved.*no solution to be had"):
+    with raises_naming(StepError, "step 1", "no solution"):
         simulation.step(np.array([-0.1, 0, 0, 0]))
     assert simulation.state.positions.tobytes() == before
-    with pytest.raises(StepError, match="no compliance at 0 s: no solution to be had"):
+    with raises_naming(StepError, "no compliance", "0 s", "no solution"):
         simulation.compliance()
 
 
@@ -339,7 +341,7 @@ def test_auto_goes_by_the_size_of_the_factor(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(choice, "_has_cholmod", lambda: False)
     assert isinstance(auto(upper, blocks), Ldl)
     assert isinstance(choice.linear_factory("ldl", 1e-8)(upper, blocks), Ldl)
-    with pytest.raises(SceneError, match=r"solver.linear is 'cholmod', which is not installed: pip install"):
+    with raises_naming(SceneError, "solver.linear is 'cholmod'", "not installed", "pip install"):
         choice.linear_factory("cholmod", 1e-8)
 
 

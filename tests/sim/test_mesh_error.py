@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.messages import raises_naming
 from tests.scenes import CUBE, SHARP
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, load_scene
@@ -369,22 +370,22 @@ def test_values_go_to_other_nodes_by_tetrahedra_too(element: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (["mesh_error={}"], "mesh_error needs clamp: at the edge of an ideal clamp the stress is singular"),
-        ([CLAMP, "mesh_error={}", "effector=off"], "mesh_error needs effector"),
-        (["clamp={}", "mesh_error={}"], "by which strips of this material slip over 1.2 mm; .* at most 1.5e"),
-        ([CLAMP, "material.young=1e5", "mesh_error={}"], "clamp.stiffness is 1.4e.10 N/m⁴"),
+        (["mesh_error={}"], ("mesh_error needs clamp", "ideal clamp", "singular")),
+        ([CLAMP, "mesh_error={}", "effector=off"], ("mesh_error needs effector",)),
+        (["clamp={}", "mesh_error={}"], ("clamp.stiffness", "1.2 mm", "at most 1.5e+10")),
+        ([CLAMP, "material.young=1e5", "mesh_error={}"], ("clamp.stiffness is 1.4e+10 N/m⁴",)),
         (
             [
                 CLAMP,
                 "mesh_error={}",
                 "platform=[{hold=[{set='all', point=[0,0,0], to=[0,0,0]}], position=[0,0,0]}]",
             ],
-            "mesh_error and platform exclude each other: bodies that a platform joins err together",
+            ("mesh_error", "platform", "exclude"),
         ),
     ],
 )
-def test_what_has_no_estimate_is_refused(words: list[str], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
+def test_what_has_no_estimate_is_refused(words: list[str], named: tuple[str, ...]) -> None:
+    with raises_naming(SceneError, *named):
         load_scene(SHARP, words)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.messages import assert_names
 from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
@@ -172,8 +173,8 @@ def test_the_cells_decide_which_elements_a_scene_may_name(cell: str, element: st
     else:
         allowed = [e.name for e in ELEMENTS.values() if e.cell == cell]
         allowed = ["t4", "t10"] if cell == "tetra" else allowed
-        assert refusal(path, element) == (
-            f"mesh.element is {element!r}; the {cell} cells of 'gid.msh' allow {', '.join(allowed)}"
+        assert_names(
+            refusal(path, element), f"mesh.element is {element!r}", f"{cell} cells", "'gid.msh'", *allowed
         )
 
 
@@ -183,18 +184,18 @@ def test_hexahedra_that_do_not_point_alike_are_not_divided_into_tetrahedra(tmp_p
     turned[0] = turned[0, [1, 2, 3, 0, 5, 6, 7, 4]]
     path = write(tmp_path / "gid.msh", SolidMesh(mesh.nodes, turned, mesh.kind))
     check_mesh(read_solid(path, 1.0, "h27"), "turned")
-    assert "mesh.element is 't10'; hexahedra can be divided into tetrahedra only" in refusal(path, "t10")
+    assert_names(refusal(path, "t10"), "mesh.element is 't10'", "hexahedra", "tetrahedra")
 
 
 def test_cells_of_two_kinds_are_refused(tmp_path: Path) -> None:
     mesh = block("h8")
-    for extra, message in (
-        (("tetra", [[0, 1, 3, 9]]), "several kinds of volume cells (hexahedron, tetra)"),
-        (("wedge", [[0, 1, 3, 9, 10, 12]]), "cells of which no element is made: wedge"),
+    for extra, named in (
+        (("tetra", [[0, 1, 3, 9]]), ("several kinds", "hexahedron, tetra")),
+        (("wedge", [[0, 1, 3, 9, 10, 12]]), ("cells", "no element", "wedge")),
     ):
         path = tmp_path / "mixed.vtu"
         meshio.write(path, meshio.Mesh(mesh.nodes, [("hexahedron", mesh.elements), extra]))
-        assert message in refusal(path, "h8")
+        assert_names(refusal(path, "h8"), "'mixed.vtu'", *named)
 
 
 GOOD = gid_text(block("t4", (1, 1, 1)).nodes, block("t4", (1, 1, 1)).elements, "tetra")
@@ -248,43 +249,46 @@ def test_gid_numbers_need_not_be_in_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "named"),
     [
-        ("", "'x.gidmsh' has no line MESH dimension 3 ElemType ... Nnode ..."),
-        ("hello\n", "'x.gidmsh', line 1: expected MESH dimension 3 ElemType ... Nnode ..., found 'hello'"),
-        (edited(1, "MESH dimension 3 Nnode 4"), "line 1: MESH without elemtype"),
-        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode"), "line 1: MESH without nnode"),
-        (edited(1, "MESH dimension 2 ElemType Tetrahedra Nnode 4"), "line 1: dimension is '2'; only 3 can be read"),
-        (edited(1, "MESH dimension 3 ElemType Cube Nnode 4"), "line 1: ElemType is 'cube'; Tetrahedra or Hexahedra"),
-        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode 5"), "'tetrahedra' with Nnode 5; allowed: 4, 10"),
-        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode x"), "line 1: 'x' is not a number of nodes"),
-        (edited(1, "MESH dimension 3 ElemType Hexahedra Nnode 8"), "line 14: an element needs its number, 8 nodes"),
-        (edited(2, "Coordinate"), "line 2: expected Coordinates, Elements or MESH, found 'Coordinate'"),
-        (edited(4, "2 0 0"), "line 4: a node needs its number and 3 coordinates, found 3 words"),
-        (edited(4, "2 0 zero 0"), "line 4: 'zero' is not a coordinate"),
-        (edited(4, "2 0 nan 0"), "line 4: coordinate 'nan' is not finite"),
-        (edited(4, "2 0 1e999 0"), "line 4: coordinate '1e999' is not finite"),
-        (edited(4, "2.5 0 0 0"), "line 4: '2.5' is not the number of a node"),
-        (edited(4, "9999999999999999999 0 0 0"), "line 4: '9999999999999999999' is not the number of a node"),
-        (edited(4, "1 0 0 0"), "line 4: node 1 has a position already, in line 3"),
-        (edited(11, "End Elements"), "line 11: expected End Coordinates"),
-        (edited(11, ""), "line 13: a node needs its number and 3 coordinates, found 1 words"),
-        (edited(14, "1 1 2 3"), "line 14: an element needs its number, 4 nodes and perhaps a material, found 4 words"),
-        (edited(15, "2 1 2 3 99"), "line 15: node 99 is not among the Coordinates"),
-        (edited(4, "20 1 0 0"), "line 18: node 2 is not among the Coordinates"),
-        (edited(20, ""), "'x.gidmsh': Elements of line 13 never end; is the file cut short?"),
-        (GOOD[: GOOD.index("End Coord")], "'x.gidmsh': Coordinates of line 2 never end; is the file cut short?"),
-        (GOOD[: GOOD.index("Elements")], "has no tetrahedra or hexahedra (cells: tetra)"),
-        (GOOD + "x" * 70000, "line 21: longer than 65536 bytes; is it a text file?"),
-        (GOOD + "\x00\x01 \x1b[2J", "line 21: expected Coordinates, Elements or MESH, found '\\x00\\x01'"),
+        ("", ("MESH dimension 3 ElemType ... Nnode ...",)),
+        ("hello\n", ("line 1", "MESH dimension 3 ElemType ... Nnode ...", "'hello'")),
+        (edited(1, "MESH dimension 3 Nnode 4"), ("line 1", "MESH", "without elemtype")),
+        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode"), ("line 1", "MESH", "without nnode")),
+        (edited(1, "MESH dimension 2 ElemType Tetrahedra Nnode 4"), ("line 1", "dimension is '2'", "only 3")),
+        (
+            edited(1, "MESH dimension 3 ElemType Cube Nnode 4"),
+            ("line 1", "ElemType is 'cube'", "Tetrahedra", "Hexahedra"),
+        ),
+        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode 5"), ("'tetrahedra'", "Nnode 5", "4, 10")),
+        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode x"), ("line 1", "'x'", "number of nodes")),
+        (edited(1, "MESH dimension 3 ElemType Hexahedra Nnode 8"), ("line 14", "element", "8 nodes")),
+        (edited(2, "Coordinate"), ("line 2", "Coordinates", "Elements", "MESH", "'Coordinate'")),
+        (edited(4, "2 0 0"), ("line 4", "node", "3 coordinates", "3 words")),
+        (edited(4, "2 0 zero 0"), ("line 4", "'zero'", "coordinate")),
+        (edited(4, "2 0 nan 0"), ("line 4", "coordinate 'nan'", "finite")),
+        (edited(4, "2 0 1e999 0"), ("line 4", "coordinate '1e999'", "finite")),
+        (edited(4, "2.5 0 0 0"), ("line 4", "'2.5'", "number of a node")),
+        (edited(4, "9999999999999999999 0 0 0"), ("line 4", "'9999999999999999999'", "number of a node")),
+        (edited(4, "1 0 0 0"), ("line 4", "node 1", "already", "line 3")),
+        (edited(11, "End Elements"), ("line 11", "End Coordinates")),
+        (edited(11, ""), ("line 13", "node", "3 coordinates", "1 words")),
+        (edited(14, "1 1 2 3"), ("line 14", "element", "4 nodes", "material", "4 words")),
+        (edited(15, "2 1 2 3 99"), ("line 15", "node 99", "Coordinates")),
+        (edited(4, "20 1 0 0"), ("line 18", "node 2", "Coordinates")),
+        (edited(20, ""), ("Elements", "line 13", "cut short")),
+        (GOOD[: GOOD.index("End Coord")], ("Coordinates", "line 2", "cut short")),
+        (GOOD[: GOOD.index("Elements")], ("no tetrahedra or hexahedra", "cells: tetra")),
+        (GOOD + "x" * 70000, ("line 21", "65536 bytes", "text file")),
+        (GOOD + "\x00\x01 \x1b[2J", ("line 21", "Coordinates", "Elements", "MESH", "'\\x00\\x01'")),
     ],
-)  # fmt: skip
-def test_a_wrong_gid_file_is_refused_by_line_and_reason(text: str, message: str, tmp_path: Path) -> None:
+)
+def test_a_wrong_gid_file_is_refused_by_line_and_reason(
+    text: str, named: tuple[str, ...], tmp_path: Path
+) -> None:
     path = tmp_path / "x.gidmsh"
     path.write_text(text)
-    refused = refusal(path, "t4")
-    assert refused.startswith("mesh.source: 'x.gidmsh'")
-    assert message in refused
+    assert_names(refusal(path, "t4"), "mesh.source", "'x.gidmsh'", *named)
 
 
 def test_a_gid_file_runs_as_a_scene(tmp_path: Path) -> None:
@@ -355,10 +359,10 @@ def test_what_is_mutated_is_valid_before() -> None:
 
 @pytest.mark.parametrize("name", ["a.vtk", "a.vtu", "gmsh.msh"])
 def test_a_mutated_foreign_mesh_is_read_or_refused(name: str, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(read, "PATIENCE", 3.0)
     original = write(tmp_path / name, block("h8", (1, 1, 1))).read_bytes()
     rng = np.random.default_rng(8)
     assert accepted_or_refused(original, name, "h8")
+    monkeypatch.setattr(read, "PATIENCE", 3.0)  # the reader may hang on a mutated file
     for _ in range(3):
         content = bytearray(original)
         for place in rng.integers(len(content), size=6):
@@ -372,8 +376,7 @@ def test_a_file_that_is_cut_short_is_called_so(name: str, share: float, tmp_path
     path = write(tmp_path / name, block("h8", (2, 2, 2)))
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
-    why = "it is cut short or damaged, or not in the format that its name says"
-    assert f"{name}' cannot be read as a mesh: {why}" in refusal(path, "h8")
+    assert_names(refusal(path, "h8"), f"'{name}'", "cut short", "damaged", "format")
 
 
 def test_a_file_that_claims_more_than_memory_holds_is_refused(tmp_path: Path) -> None:
@@ -383,5 +386,4 @@ def test_a_file_that_claims_more_than_memory_holds_is_refused(tmp_path: Path) ->
         "$EndNodes\n"
     )
     refused = refusal(path, "h8")
-    assert "'huge.msh' cannot be read as a mesh: " in refused
-    assert "MemoryError" in refused
+    assert_names(refused, "'huge.msh'", "MemoryError")

@@ -120,7 +120,15 @@ class FakeSimulator(Node):
         if message.mode == ControlMode.STOP:
             self.follower.stop(time.monotonic())
 
+    def publish_joints(self, joints: np.ndarray) -> None:
+        """Say that the joints are there: three angles [rad] and the slide [m]."""
+        state = JointState(name=[*names.SERVOS, names.SLIDE], position=array("d", joints.tobytes()))
+        state.effort = array("d", [-0.01, -0.02, 0.3, 0.0])
+        state.header.stamp = self.get_clock().now().to_msg()
+        self._joints.publish(state)
+
     def _tick(self) -> None:
+        self.ticks += 1
         nodes, triangles = self.body
         now = time.monotonic()
         joints = self.follower.setpoint(now)
@@ -137,10 +145,7 @@ class FakeSimulator(Node):
             message.topology_id += 1
         message.positions = array("d", (positions[:-1] if self.spoil == "size" else positions).tobytes())
         self._state.publish(message)
-        state = JointState(name=[*names.SERVOS, names.SLIDE], position=array("d", joints.tobytes()))
-        state.effort = array("d", [-0.01, -0.02, 0.3, 0.0])
-        state.header.stamp = stamp
-        self._joints.publish(state)
+        self.publish_joints(joints)
         pose = PoseStamped()
         pose.header = message.header
         pose.pose.position.z = float(z[len(z) // 2])

@@ -82,7 +82,7 @@ def test_nothing_is_lost_between_threads() -> None:
     ]
     for writer in writers:
         writer.start()
-    assert enough.wait(10)
+    assert enough.wait(60)
     for k in range(4):
         own = [e.client for e in seen if e.client // 1000 == k]
         assert own == list(range(k * 1000, k * 1000 + 1000))

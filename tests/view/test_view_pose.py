@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tests.messages import raises_naming
 from tripod_view.joints import JointError, joint_values
 from tripod_view.pose import Pose, PoseError
 
@@ -23,7 +24,7 @@ def test_a_quaternion_is_scaled_and_its_sign_chosen() -> None:
     ],
 )
 def test_poses_that_are_none_are_refused(position: tuple, quaternion: tuple) -> None:
-    with pytest.raises(PoseError, match="finite and not zero"):
+    with raises_naming(PoseError, "position", "quaternion", "finite", "not zero"):
         Pose.of(position, quaternion)
 
 
@@ -47,16 +48,18 @@ def test_joints_come_in_any_order_and_the_slide_may_miss() -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "positions", "words"),
+    ("names", "positions", "named"),
     [
-        (["servo_0", "servo_2"], [0.0, 0.0], "joint 'servo_1' is missing"),
-        (["slide"], [0.0], "joint 'servo_0' is missing"),
-        (["servo_0", "servo_1", "servo_2"], [0.0], "1 positions for 3 joints"),
-        (["servo_0", "servo_1", "servo_2"], [0.0, float("nan"), 0.0], "joint 'servo_1' is nan"),
-        (["servo_0", "servo_1", "servo_2", "slide"], [0.0, 0.0, 0.0, float("inf")], "joint 'slide' is inf"),
-        ([], [], "joints: none"),
+        (["servo_0", "servo_2"], [0.0, 0.0], ("'servo_1'", "missing", "servo_0, servo_2")),
+        (["slide"], [0.0], ("'servo_0'", "missing", "joints: slide")),
+        (["servo_0", "servo_1", "servo_2"], [0.0], ("1 positions", "3 joints")),
+        (["servo_0", "servo_1", "servo_2"], [0.0, float("nan"), 0.0], ("'servo_1'", "nan")),
+        (["servo_0", "servo_1", "servo_2", "slide"], [0.0, 0.0, 0.0, float("inf")], ("'slide'", "inf")),
+        ([], [], ("joints: none",)),
     ],
 )
-def test_bad_joint_states_are_refused_by_name(names: list[str], positions: list[float], words: str) -> None:
-    with pytest.raises(JointError, match=words):
+def test_bad_joint_states_are_refused_by_name(
+    names: list[str], positions: list[float], named: tuple[str, ...]
+) -> None:
+    with raises_naming(JointError, *named):
         joint_values(names, positions)
