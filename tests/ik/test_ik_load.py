@@ -217,5 +217,5 @@ def test_it_needs_a_measurement_and_a_delay_in_range() -> None:
     observer = LoadObserver()
     observer.measure(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)  # no model yet: nothing to compare with
     assert np.isnan(observer.load.force)
-    with pytest.raises(IkError, match="measured position"):
+    with raises_naming(IkError, "measured position[1]", "nan"):
         observer.measure(np.array([0.0, np.nan, 0.0]), np.array([0.0, 0.0, 1.0]), 0.0)

@@ -140,7 +140,7 @@ def test_distances_add_up_in_metres(home):
 
 
 def test_without_a_task_there_is_no_problem(home):
-    with pytest.raises(IkError, match="no task"):
+    with raises_naming(IkError, "no task"):
         build_ik(home.state(), [])
 
 

@@ -177,6 +177,7 @@ def test_before_the_second_step_there_is_no_speed(monkeypatch: pytest.MonkeyPatc
 def test_every_step_follows_the_command_and_gives_a_snapshot(start) -> None:
     times: list[float] = []
     seen: list[Snapshot] = []
+    began = time.time_ns()
 
     def command(now: float) -> np.ndarray:
         times.append(now)
@@ -199,20 +200,23 @@ def test_every_step_follows_the_command_and_gives_a_snapshot(start) -> None:
     assert physics.latest is seen[-1]
     stamps = [s.stamp for s in seen]
     assert stamps == sorted(stamps)
-    assert abs(stamps[-1] - time.time_ns()) < DEADLINE * 1e9
+    assert began <= stamps[0] <= stamps[-1] <= time.time_ns()
 
 
 def test_while_paused_nothing_moves_but_single_steps(start) -> None:
     physics = start(FakeSimulation())
     wait(lambda: physics.latest.step > 3, "steps")
     assert not physics.request_steps()  # not paused
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     assert physics.activity is Activity.PAUSED
     first = physics.latest.step
     for k in range(50):
         assert physics.latest.step == first + k
         assert physics.request_steps(1, DEADLINE)
-    time.sleep(0.05)
+    for _ in range(2):  # the thread wakes up, and has gone on when it wakes up again
+        awake = threading.Event()
+        physics.between_steps(lambda _, awake=awake: awake.set())
+        assert awake.wait(DEADLINE)
     assert physics.latest.step == first + 50
     physics.pause(False)
     wait(lambda: physics.latest.step > first + 60, "more steps")
@@ -261,7 +265,8 @@ def test_many_steps_are_made_as_fast_as_they_go_and_those_that_take_too_long_are
     before = physics.latest.step
     assert physics.request_steps(500, DEADLINE) == 500
     assert physics.latest.step == before + 500
-    made = physics.request_steps(10**9, 0.05)
+    patience = (0.05, 1.0, DEADLINE)  # a busy machine makes none in a short time
+    made = next(filter(None, (physics.request_steps(10**9, limit) for limit in patience)), 0)
     assert 0 < made < 10**9
     assert physics.latest.step == before + 500 + made
     physics.pause(True, DEADLINE)
@@ -269,23 +274,25 @@ def test_many_steps_are_made_as_fast_as_they_go_and_those_that_take_too_long_are
 
 
 def test_steps_end_where_one_fails(start) -> None:
+    failure = StepError("element 3 is inverted")
+
     def during(step: int) -> None:
         if step == 8:
-            raise StepError("element 3 is inverted")
+            raise failure
 
     physics = start(FakeSimulation())
     physics.pause(True, DEADLINE)
     physics.request_reset(DEADLINE)
     physics._simulation.during = during
     assert physics.request_steps(100, DEADLINE) == 7
-    assert physics.failure == "element 3 is inverted"
+    assert physics.failure == str(failure)
 
 
 def test_a_request_of_a_thread_that_does_not_run_is_not_met() -> None:
     physics = RealTime(FakeSimulation(), lambda now: None)
     physics.stop()
     assert not physics.request_reset(0.01)
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     assert not physics.request_steps(1, 0.01)
 
 
@@ -315,7 +322,7 @@ def test_reset_returns_to_the_bits_of_the_start_and_the_same_motion_follows(star
         simulation, command, compliance_period=0.01, on_reset=lambda: resets.append(simulation.state.step)
     )
     motions = []
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     for wanted in (False, True, False):
         physics.want_compliance = wanted
         assert physics.request_reset(DEADLINE)
@@ -404,7 +411,7 @@ def test_a_failing_single_step_says_so(start) -> None:
 
     simulation = FakeSimulation()
     physics = start(simulation)
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     before = physics.latest.step
     simulation.during = during
     assert not physics.request_steps(1, DEADLINE)
@@ -427,7 +434,7 @@ def test_compliances_come_at_their_period_while_wanted(start) -> None:
     simulation = FakeSimulation()
     simulation.left_out = (1,)
     physics = start(simulation, compliance_period=0.004, on_snapshot=seen.append)
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     for wanted, singular in ((False, False), (True, False), (True, True)):
         physics.want_compliance, simulation.singular = wanted, singular
         seen.clear()
@@ -450,21 +457,18 @@ def test_stop_ends_the_thread_in_any_state(state: str) -> None:
         physics.start()
         wait(lambda: physics.latest.step > 2, "steps")
     if state == "paused":
-        physics.pause(True)
+        physics.pause(True, DEADLINE)
     if state == "failed":
         simulation.step = lambda joints: 1 / 0  # type: ignore[method-assign]
         wait(lambda: physics.activity is Activity.FAILED, "the failure")
     physics.stop(DEADLINE)
     assert not physics.is_alive()
-    last = physics.latest
-    time.sleep(0.02)
-    assert physics.latest is last
 
 
 def test_requests_from_many_threads_all_count(start) -> None:
     """No request is lost and none is served twice, whatever the thread is doing when it comes."""
     physics = start(FakeSimulation(during=lambda step: time.sleep(5e-4)))
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     first = physics.latest.step
     askers = [
         threading.Thread(target=lambda: [physics.request_steps(1, DEADLINE) for _ in range(50)])
@@ -484,5 +488,5 @@ def test_the_time_between_steps_is_used_for_what_the_next_one_would_begin_with(
     simulation = FakeSimulation(during=lambda step: seen.append((step, simulation.renewed)))
     physics = start(simulation)
     wait(lambda: len(seen) > 20, "steps")
-    physics.pause(True)
+    physics.pause(True, DEADLINE)
     assert all(renewed == step - 1 for step, renewed in seen)

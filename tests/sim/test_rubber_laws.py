@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 from benchmarks.blocks import brick
 from tests.checks import Law, law_vector
+from tests.messages import names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.forces.solid import Solid
@@ -190,54 +191,51 @@ def test_initial_modulus_is_what_others_ask_for() -> None:
     assert initial_young(Material(young=1e5)) == 1e5
     clamped = ["servos.angles=[0,0,0]", "mesh_error={}", "clamp.stiffness=1.4e10", "mesh.level=8"]
     load_scene("tripod", [*clamped, made_of("yeoh")])
-    with pytest.raises(SceneError, match=r"clamp\.stiffness is 1\.4e\+?10 N/m⁴"):
+    with raises_naming(SceneError, "clamp.stiffness", "N/m⁴") as refused:
         load_scene("tripod", [*clamped, "material={law='yeoh', parameters=[1e3, 0, 0]}"])
+    assert any(names(refused.value, value) for value in ("1.4e10 N/m⁴", "1.4e+10 N/m⁴"))
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
         (
             "material.parameters=[1e5]",
-            "material.parameters is [100000.0]; neo_hooke takes young and poisson: leave",
+            ("material.parameters", "[100000.0]", "neo_hooke", "young", "poisson", "leave"),
         ),
         (
             "material.law=yeoh",
-            "material.young is 250000.0 Pa; yeoh takes parameters = [c10 [Pa], c20 [Pa], c30 [Pa]]",
+            ("material.young", "250000.0 Pa", "yeoh", "parameters = [c10 [Pa], c20 [Pa], c30 [Pa]]"),
         ),
         (
             "material={law='yeoh'}",
-            "material.parameters has 0 values; yeoh takes parameters = [c10 [Pa], c20 [Pa], c30",
+            ("material.parameters", "0 values", "yeoh", "parameters = [c10 [Pa], c20 [Pa], c30 [Pa]]"),
         ),
-        ("material={law='yeoh', parameters=[1e4, 0]}", "material.parameters has 2 values; yeoh takes"),
+        ("material={law='yeoh', parameters=[1e4, 0]}", ("material.parameters", "2 values", "yeoh")),
         (
             "material={law='yeoh', parameters=[1e4, nan, 0]}",
-            "material.parameters is (10000.0, nan, 0.0); it must be",
+            ("material.parameters", "(10000.0, nan, 0.0)"),
         ),
+        ("material={law='yeoh', parameters=[-1, 0, 0]}", ("shear modulus", "-2 Pa", "above 0 Pa")),
         (
-            "material={law='yeoh', parameters=[-1, 0, 0]}",
-            "the initial shear modulus is -2 Pa; it must be above 0 Pa",
+            "material={law='mooney_rivlin', parameters=[1e4, -2e4]}",
+            ("shear modulus", "-20000 Pa", "above 0 Pa"),
         ),
-        ("material={law='mooney_rivlin', parameters=[1e4, -2e4]}", "the initial shear modulus is -20000 Pa"),
         (
             "material={law='ogden', parameters=[1e4, 2, 3]}",
-            "has 3 values; ogden takes parameters = [mu1 [Pa], alpha1",
+            ("3 values", "ogden", "parameters = [mu1 [Pa], alpha1"),
         ),
-        (
-            "material={law='ogden', parameters=[1e4, 0]}",
-            "material.parameters is [10000.0, 0.0]: an alpha is 0",
-        ),
-        ("region=[{set='all', law='ogden'}]", "region.0.parameters has 0 values; ogden takes"),
+        ("material={law='ogden', parameters=[1e4, 0]}", ("material.parameters", "[10000.0, 0.0]", "alpha")),
+        ("region=[{set='all', law='ogden'}]", ("region.0.parameters", "0 values", "ogden")),
         (
             "region=[{set='all', parameters=[1.0]}]",
-            "region.0.parameters is [1.0]; neo_hooke takes young and poisson",
+            ("region.0.parameters", "[1.0]", "neo_hooke", "young", "poisson"),
         ),
     ],
 )
-def test_what_a_law_does_not_take_is_refused(words: str, message: str) -> None:
-    with pytest.raises(SceneError) as refused:
+def test_what_a_law_does_not_take_is_refused(words: str, named: tuple[str, ...]) -> None:
+    with raises_naming(SceneError, *named) as refused:
         load_scene(SHARP, [words])
-    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -250,9 +248,7 @@ def test_a_region_may_be_of_another_law() -> None:
 
 
 def test_an_unknown_law_raises_compiled_or_not() -> None:
-    with pytest.raises(
-        SceneError, match=r"material\.law is 'rubber'; allowed: corotational, mooney_rivlin, neo_hooke"
-    ):
+    with raises_naming(SceneError, "material.law", "'rubber'", "corotational, mooney_rivlin, neo_hooke"):
         law_named("rubber")
     mesh, none = brick("h8", (np.linspace(0, 1, 2),) * 3), no_solid().law
     solid = Solid(

@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_sim
+from tests.messages import assert_names, raises_naming
 from tripod_sim import SceneError, load_scene, scene_names
 from tripod_sim.effects import EFFECTS
 from tripod_sim.effects.damping import Damping
@@ -155,34 +156,29 @@ def test_an_override_changes_what_it_names_and_nothing_else(scene, word, read, v
 
 
 @pytest.mark.parametrize(
-    ("word", "note"),
+    ("word", "named"),
     [
-        (
-            "material.young=250",
-            "material.young is 250 Pa; usual is 1000 to 1e+12 Pa; kPa? 250 kPa are 2.5e+05 Pa",
-        ),
-        (
-            "material.young=0.25",
-            "material.young is 0.25 Pa; usual is 1000 to 1e+12 Pa; MPa? 0.25 MPa are 2.5e+05 Pa",
-        ),
+        ("material.young=250", ("material.young", "250 Pa", "1000 to 1e+12 Pa", "250 kPa", "2.5e+05 Pa")),
+        ("material.young=0.25", ("material.young", "0.25 Pa", "1000 to 1e+12 Pa", "0.25 MPa", "2.5e+05 Pa")),
         (
             "material.density=1.1",
-            "material.density is 1.1 kg/m³; usual is 10 to 25000 kg/m³; g/cm³? 1.1 g/cm³ are 1100",
+            ("material.density", "1.1 kg/m³", "10 to 25000 kg/m³", "1.1 g/cm³", "1100 kg/m³"),
         ),
         (
             "gravity.acceleration=[0,0,-9810]",
-            "gravity.acceleration is -9810 m/s²; usual is 0 to 1000 m/s²; mm/s²? ",
+            ("gravity.acceleration", "-9810 m/s²", "0 to 1000 m/s²", "mm/s²"),
         ),
-        ("material.density=1100", ""),
-        ("gravity.acceleration=[0,0,0]", ""),
+        ("material.density=1100", ()),
+        ("gravity.acceleration=[0,0,0]", ()),
     ],
 )
 def test_a_number_of_an_unusual_size_is_told_with_the_unit_in_which_it_would_not_be(
-    word: str, note: str
+    word: str, named: tuple[str, ...]
 ) -> None:
     said = unusual(load_scene("tripod", [word]))
-    assert len(said) == bool(note)
-    assert all(text.startswith(note) for text in said)
+    assert len(said) == bool(named)
+    for text in said:
+        assert_names(text, *named)
 
 
 def test_the_shipped_scenes_have_no_unusual_numbers_and_no_idle_fields() -> None:
@@ -191,24 +187,27 @@ def test_the_shipped_scenes_have_no_unusual_numbers_and_no_idle_fields() -> None
 
 
 @pytest.mark.parametrize(
-    ("scene", "word", "note"),
+    ("scene", "word", "field", "cause"),
     [
-        ("tripod", "mesh.cells=[2,2,2]", "mesh.cells: without effect where mesh.source is 'y_piece'"),
-        ("pendulum", "springs.scale=0.001", "springs.scale: without effect where springs.source is 'chain'"),
-        ("drape", "springs.size=2", "springs.size: without effect where springs.source is"),
-        ("stack", "rigid.1.radius=0.2", "rigid.1.radius: without effect where rigid.1.shape is 'box'"),
-        (BEAM, "material.mass=2", "material.mass: without effect where material.density is given"),
-        ("silicone", 'motion={servo="0:0,0,0"}', "motion: without effect where there are no servos"),
-        ("maze", "maze.start=[0.01,0]", "maze.start: without effect where maze.source is 'labyrinth'"),
-        ("maze", 'maze={source="a.stl",wall=0.002}', "maze.wall: without effect where maze.source is "),
-        (EMIO, "servos.slide=0.01", "servos.slide: without effect where no servo has a direction inward"),
-        (EMIO, 'motion={servo="0:0,0,0,0",slide="0.01"}', "motion.slide: without effect where no servo"),
-        (EMIO, "servos.clamp_radius=0.1", "servos.clamp_radius: without effect where servos have tables"),
+        ("tripod", "mesh.cells=[2,2,2]", "mesh.cells", ("mesh.source", "'y_piece'")),
+        ("pendulum", "springs.scale=0.001", "springs.scale", ("springs.source", "'chain'")),
+        ("drape", "springs.size=2", "springs.size", ("springs.source",)),
+        ("stack", "rigid.1.radius=0.2", "rigid.1.radius", ("rigid.1.shape", "'box'")),
+        (BEAM, "material.mass=2", "material.mass", ("material.density",)),
+        ("silicone", 'motion={servo="0:0,0,0"}', "motion", ("no servos",)),
+        ("maze", "maze.start=[0.01,0]", "maze.start", ("maze.source", "'labyrinth'")),
+        ("maze", 'maze={source="a.stl",wall=0.002}', "maze.wall", ("maze.source",)),
+        (EMIO, "servos.slide=0.01", "servos.slide", ("no servo", "direction inward")),
+        (EMIO, 'motion={servo="0:0,0,0,0",slide="0.01"}', "motion.slide", ("no servo",)),
+        (EMIO, "servos.clamp_radius=0.1", "servos.clamp_radius", ("servos", "tables")),
     ],
 )
-def test_a_field_that_has_no_effect_is_told(scene: str, word: str, note: str) -> None:
+def test_a_field_that_has_no_effect_is_told(
+    scene: str, word: str, field: str, cause: tuple[str, ...]
+) -> None:
     (said,) = unread(load_scene(scene, [word]))
-    assert said.startswith(note)
+    assert said.startswith(f"{field}: ")
+    assert_names(said, "without effect", *cause)
 
 
 def test_the_last_override_of_a_field_counts() -> None:
@@ -237,67 +236,65 @@ def test_a_number_may_say_its_unit(word: str, value: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scene", "words", "message"),
+    ("scene", "words", "named"),
     [
-        ("tripod", "material.young=100 bar", "it must be a number in Pa, or with its unit: Pa, kPa, MPa, GPa"),
-        ("tripod", "material.young=-1kPa", "material.young is -1000.0; it must be above 0 Pa"),
-        ("tripod", "material.young=nan kPa", "material.young is nan; it must be above 0 Pa"),
-        ("tripod", "material.poisson='0.3'", "material.poisson is '0.3'; it must be a number"),
-        ("tripod", "material.young=0", "material.young is 0.0; it must be above 0 Pa"),
-        ("tripod", "material.young=nan", "material.young is nan; it must be above 0 Pa"),
-        ("tripod", "material.young=inf", "material.young is inf; it must be above 0 Pa"),
-        ("tripod", "material.young=hard", "material.young is 'hard'; it must be a number"),
-        ("tripod", "material.young=true", "material.young is True; it must be a number"),
-        ("tripod", "material.young={}", "material.young is {}; it must be a number"),
-        ("tripod", f"material.young={2**63}", "material.young is a whole number of more than 64 bits"),
-        ("tripod", f"mesh.level=0x{'f' * 5000}", "mesh.level is a whole number of more than 64 bits"),
-        ("tripod", "material.yung=1", "field material.yung is unknown; fields: law, young,"),
-        ("tripod", "material.yung=1", "did you mean 'young'?"),
-        ("tripod", "materiel.young=1", "field materiel is unknown"),
-        ("tripod", "materiel.young=1", "did you mean 'material'?"),
-        ("tripod", "material.poisson=0.5", "material.poisson is 0.5; it must be at least 0 and at most 0.499"),
-        ("tripod", "mesh.level=15", "mesh.level is 15; it must be at least 1 and at most 14"),
-        ("tripod", "mesh.level=2.0", "mesh.level is 2.0; it must be a whole number"),
-        ("tripod", "mesh.level=true", "mesh.level is True; it must be a whole number"),
-        ("tripod", "material.law=rubber", "material.law is 'rubber'; allowed: corotational, mooney_rivlin"),
-        ("tripod", f"material.law={'b' * 9999}", "material.law is 'bbb"),
-        ("tripod", "name=5", "name is 5; it must be text"),
-        ("tripod", "dt=2", "dt is 2.0; it must be at least 1e-09 s and at most 1 s"),
-        ("tripod", "material.young=1e300", "material.young is 1e+300; it must be above 0 Pa and at most 1e+13 Pa"),
-        ("tripod", "solver.max_turn=1e-9", "solver.max_turn is 1e-09; it must be at least 0.0001 rad and at most 7"),
-        ("tripod", "dt=0", "dt is 0.0; it must be at least 1e-09 s"),
-        ("tripod", "gravity=5", "gravity is 5; it must be a table"),
-        ("tripod", "gravity.acceleration=9.81", "gravity.acceleration is 9.81; it must be a list"),
-        ("tripod", "gravity.acceleration=[0, 0]", "gravity.acceleration has 2 values; it needs 3"),
-        ("tripod", "gravity.acceleration=[0, 0, 'g']", "gravity.acceleration.2 is 'g'; it must be a number"),
-        ("tripod", "gravity.acceleration=[0, nan, 0]", "gravity.acceleration is (0.0, nan, 0.0); it must be at least"),
-        ("tripod", "servos.angles=[0, 0, 1]", "servos.angles.2 is 1.0 rad; allowed is -2.1 to 0.6 rad"),
-        ("tripod", "servos.slide=0.05", "servos.slide is 0.05 m; allowed is 0 to 0.04 m"),
-        ("tripod", "servos.angles=[45, 0, 0]", "degrees? 45 degrees are 0.7854 rad"),
-        ("tripod", "servos.slide=35", "millimetres? 35 millimetres are 0.035 m"),
-        ("tripod", "servos.slide=5", "servos.slide is 5.0 m; allowed is 0 to 0.04 m; millimetres? 5 millimetres are"),
-        ("silicone", "fixed.1.low=[0, 0, 0]", "fixed.1: there is no entry '1'; it has entries 0 to 0"),
-        ("silicone", "fixed.-1.low=[0, 0, 0]", "fixed.-1: there is no entry '-1'; it has entries 0 to 0"),
-        ("silicone", f"fixed.{'9' * 5000}=1", "is not of the form dotted.path=value"),
-        ("silicone", "fixed=[];fixed.0.low=1", "fixed.0: there is no entry '0'; it is empty"),
-        ("silicone", "fixed=[{low=[0, 0, 0]}]", "fixed.0: give either set or low and high"),
-        ("silicone", "fixed.0.low=[1, 0, 0]", "fixed.0: low (1.0, 0.0, 0.0) must not exceed high (0.06, "),
-        ("tripod", "material.young.x=3", "override 'material.young.x=3': material.young is a value, not a table"),
-        ("tripod", "material.young.x.y=3", "material.young.x: material.young is a value, not a table"),
-        ("tripod", "material.young", "override 'material.young' is not of the form dotted.path=value"),
-        ("tripod", "=3", "override '=3' is not of the form dotted.path=value"),
-        ("tripod", "material..young=3", "is not of the form dotted.path=value"),
-        ("tripod", f"{'a.' * 5000}a=3", "is not of the form dotted.path=value"),
-        ("tripod", "material.a\nb=3", r"field material.'a\nb' is unknown"),
-        ("tripod", "material=off", "only an effect can be off; effects: gravity, inertia, damping, fixed, prescr"),
-        ("tripod", "gravity.acceleration=off", "gravity.acceleration=off: only an effect can be off"),
-        ("silicone", "fixed.1=off", "fixed.1: there is no entry '1'"),
-        ("tripod", "inertia=off", "damping needs inertia"),
-        ("tripod", "inertia=off;damping=off;servos=off;clamp=off", "nothing holds the body"),
+        ("tripod", "material.young=100 bar", ("material.young", "'100 bar'", "Pa, kPa, MPa, GPa")),
+        ("tripod", "material.young=-1kPa", ("material.young", "-1000.0", "above 0 Pa")),
+        ("tripod", "material.young=nan kPa", ("material.young", "nan", "above 0 Pa")),
+        ("tripod", "material.poisson='0.3'", ("material.poisson", "'0.3'", "number")),
+        ("tripod", "material.young=0", ("material.young", "0.0", "above 0 Pa")),
+        ("tripod", "material.young=nan", ("material.young", "nan", "above 0 Pa")),
+        ("tripod", "material.young=inf", ("material.young", "inf", "above 0 Pa")),
+        ("tripod", "material.young=hard", ("material.young", "'hard'", "number")),
+        ("tripod", "material.young=true", ("material.young", "True", "number")),
+        ("tripod", "material.young={}", ("material.young", "{}", "number")),
+        ("tripod", f"material.young={2**63}", ("material.young", "whole number", "64 bits")),
+        ("tripod", f"mesh.level=0x{'f' * 5000}", ("mesh.level", "whole number", "64 bits")),
+        ("tripod", "material.yung=1", ("material.yung", "unknown", "fields: law, young,", "'young'?")),
+        ("tripod", "materiel.young=1", ("materiel", "unknown", "'material'?")),
+        ("tripod", "material.poisson=0.5", ("material.poisson", 0.5, "at least 0", "at most 0.499")),
+        ("tripod", "mesh.level=15", ("mesh.level", 15, "at least 1", "at most 14")),
+        ("tripod", "mesh.level=2.0", ("mesh.level", "2.0", "whole number")),
+        ("tripod", "mesh.level=true", ("mesh.level", "True", "whole number")),
+        ("tripod", "material.law=rubber", ("material.law", "'rubber'", "allowed: corotational, mooney_rivlin")),
+        ("tripod", f"material.law={'b' * 9999}", ("material.law is '", "...; allowed: ")),
+        ("tripod", "name=5", ("name is 5", "text")),
+        ("tripod", "dt=2", ("dt is 2.0", "at least 1e-09 s", "at most 1 s")),
+        ("tripod", "material.young=1e300", ("material.young", "1e+300", "above 0 Pa", "at most 1e+13 Pa")),
+        ("tripod", "solver.max_turn=1e-9", ("solver.max_turn", "1e-09", "at least 0.0001 rad", "at most 7")),
+        ("tripod", "dt=0", ("dt is 0.0", "at least 1e-09 s")),
+        ("tripod", "gravity=5", ("gravity is 5", "table")),
+        ("tripod", "gravity.acceleration=9.81", ("gravity.acceleration", 9.81, "list")),
+        ("tripod", "gravity.acceleration=[0, 0]", ("gravity.acceleration", "2 values", 3)),
+        ("tripod", "gravity.acceleration=[0, 0, 'g']", ("gravity.acceleration.2", "'g'", "number")),
+        ("tripod", "gravity.acceleration=[0, nan, 0]", ("gravity.acceleration", "(0.0, nan, 0.0)", "at least")),
+        ("tripod", "servos.angles=[0, 0, 1]", ("servos.angles.2", "1.0 rad", "-2.1 to 0.6 rad")),
+        ("tripod", "servos.slide=0.05", ("servos.slide", "0.05 m", "0 to 0.04 m")),
+        ("tripod", "servos.angles=[45, 0, 0]", ("servos.angles", "45.0", "3.2 rad", "45 degrees", "0.7854 rad")),
+        ("tripod", "servos.slide=35", ("servos.slide", "35 millimetres", "0.035 m")),
+        ("tripod", "servos.slide=5", ("servos.slide", "5.0 m", "0 to 0.04 m", "5 millimetres")),
+        ("silicone", "fixed.1.low=[0, 0, 0]", ("fixed.1", "no entry '1'", "0 to 0")),
+        ("silicone", "fixed.-1.low=[0, 0, 0]", ("fixed.-1", "no entry '-1'", "0 to 0")),
+        ("silicone", f"fixed.{'9' * 5000}=1", ("dotted.path=value",)),
+        ("silicone", "fixed=[];fixed.0.low=1", ("fixed.0", "no entry '0'", "empty")),
+        ("silicone", "fixed=[{low=[0, 0, 0]}]", ("fixed.0", "either set", "low and high")),
+        ("silicone", "fixed.0.low=[1, 0, 0]", ("fixed.0", "low (1.0, 0.0, 0.0)", "high (0.06, ")),
+        ("tripod", "material.young.x=3", ("'material.young.x=3'", "material.young is a value", "table")),
+        ("tripod", "material.young.x.y=3", ("material.young.x: ", "material.young is a value", "table")),
+        ("tripod", "material.young", ("override 'material.young'", "dotted.path=value")),
+        ("tripod", "=3", ("override '=3'", "dotted.path=value")),
+        ("tripod", "material..young=3", ("override 'material..young=3'", "dotted.path=value")),
+        ("tripod", f"{'a.' * 5000}a=3", ("dotted.path=value",)),
+        ("tripod", "material.a\nb=3", (r"material.'a\nb'", "unknown")),
+        ("tripod", "material=off", ("material=off", "effects: gravity, inertia", "damping, fixed, prescribed")),
+        ("tripod", "gravity.acceleration=off", ("gravity.acceleration=off", "effect can be off")),
+        ("silicone", "fixed.1=off", ("fixed.1", "no entry '1'")),
+        ("tripod", "inertia=off", ("damping", "inertia")),
+        ("tripod", "inertia=off;damping=off;servos=off;clamp=off", ("nothing holds the body",)),
     ],
 )  # fmt: skip
-def test_a_bad_override_is_refused_by_its_path(scene: str, words: str, message: str) -> None:
-    assert message in refusal(scene, *words.split(";"))
+def test_a_bad_override_is_refused_by_its_path(scene: str, words: str, named: tuple[object, ...]) -> None:
+    assert_names(refusal(scene, *words.split(";")), *named)
 
 
 @pytest.mark.parametrize("effect", OF_SOLIDS)
@@ -315,20 +312,20 @@ def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
 
 
 def test_overrides_that_are_no_list_are_told() -> None:
-    with pytest.raises(SceneError, match=r"overrides is 'dt=0.01'; it must be a list: \['dt=0.01'\]"):
+    with raises_naming(SceneError, "overrides is 'dt=0.01'", "list: ['dt=0.01']"):
         load_scene("tripod", "dt=0.01")
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (None, r"overrides is None; it must be a list: \['dt=0.01'\]"),
-        ([("dt", 0.01)], r"override \('dt', 0.01\) is not of the form dotted.path=value"),
-        ([b"dt=0.01"], "override b'dt=0.01' is not of the form dotted.path=value"),
+        (None, ("overrides", "None", "list: ['dt=0.01']")),
+        ([("dt", 0.01)], ("override ('dt', 0.01)", "dotted.path=value")),
+        ([b"dt=0.01"], ("override b'dt=0.01'", "dotted.path=value")),
     ],
 )
-def test_overrides_that_are_no_texts_are_told(words: Any, message: str) -> None:
-    with pytest.raises(SceneError, match=message):
+def test_overrides_that_are_no_texts_are_told(words: Any, named: tuple[str, ...]) -> None:
+    with raises_naming(SceneError, *named):
         load_scene("tripod", words)
 
 
@@ -338,7 +335,7 @@ def test_a_scene_is_found_by_a_path_that_is_its_name() -> None:
 
 @pytest.mark.parametrize("text", [None, b'name = "a"', Path("tripod")])
 def test_what_is_no_text_is_no_scene(text: Any) -> None:
-    with pytest.raises(SceneError, match=r"the scene is .*; it must be text in TOML"):
+    with raises_naming(SceneError, "scene", "text in TOML"):
         scene_from_toml(text)
 
 
@@ -374,21 +371,20 @@ def test_a_scene_keeps_no_array_of_whoever_makes_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "named"),
     [
-        (
-            {"mesh": replace(load_scene("tripod").mesh, level=2.5)},
-            "mesh.level is 2.5; it must be a whole number",
-        ),
-        ({"gravity": Gravity((0.0, -9.81))}, "gravity.acceleration has 2 values; it needs 3"),
-        ({"mesh": "y_piece"}, "mesh is 'y_piece'; it must be a Mesh"),
-        ({"marker": {"set": "all"}}, "marker is one table; it must be a list of them"),
-        ({"name": None}, "name is None; it must be text"),
-        ({"dt": "auto"}, r"dt is 'auto'; that is for load_scene: load_scene\(..., \['dt=auto'\]\)"),
+        ({"mesh": replace(load_scene("tripod").mesh, level=2.5)}, ("mesh.level", 2.5, "whole number")),
+        ({"gravity": Gravity((0.0, -9.81))}, ("gravity.acceleration", "2 values", 3)),
+        ({"mesh": "y_piece"}, ("mesh", "'y_piece'", "Mesh")),
+        ({"marker": {"set": "all"}}, ("marker", "one table", "list")),
+        ({"name": None}, ("name", "None", "text")),
+        ({"dt": "auto"}, ("dt", "'auto'", "load_scene(..., ['dt=auto'])")),
     ],
 )
-def test_a_scene_of_a_program_is_checked_as_one_of_a_file(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
+def test_a_scene_of_a_program_is_checked_as_one_of_a_file(
+    changes: dict[str, Any], named: tuple[object, ...]
+) -> None:
+    with raises_naming(SceneError, *named):
         replace(load_scene("tripod"), **changes)
 
 
@@ -415,19 +411,19 @@ def test_the_number_after_the_last_entry_of_a_list_adds_one() -> None:
     box = "{low=[2, 2, 2], high=[3, 3, 3]}"
     scene = load_scene("silicone", [f"fixed.1={box}"])
     assert scene.fixed == (*load_scene("silicone").fixed, Fixed(low=(2, 2, 2), high=(3, 3, 3)))
-    assert "fixed.2: there is no entry '2'" in refusal("silicone", f"fixed.2={box}")
+    assert_names(refusal("silicone", f"fixed.2={box}"), "fixed.2", "no entry '2'")
 
 
 def test_the_number_0_begins_a_list_that_the_scene_has_not() -> None:
     scene = load_scene("silicone", ["load.0={set='all', force=[0, 0, 1]}", "load.1={set='all', mass=0.1}"])
     assert scene.load == (Load("all", force=(0, 0, 1)), Load("all", mass=0.1))
-    assert "load.0: there is no entry '0'; it is empty" in refusal("silicone", "load.0.mass=0.1")
+    assert_names(refusal("silicone", "load.0.mass=0.1"), "load.0", "no entry '0'", "empty")
 
 
 def test_a_file_without_its_suffix_is_what_is_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("beam.toml").write_text(scene_text("silicone"))
-    with pytest.raises(SceneError, match=r"scene 'beam' is unknown; .*; did you mean 'beam.toml'\?"):
+    with raises_naming(SceneError, "scene 'beam'", "unknown", "'beam.toml'?"):
         load_scene("beam")
 
 
@@ -436,60 +432,56 @@ def test_an_effect_that_is_not_there_can_be_off() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "named"),
     [
-        ("tripd", "scene 'tripd' is unknown; scenes: "),
-        ("tripd", ", or the path of a .toml file; did you mean 'tripod'?"),
-        ("Silicone", "did you mean 'silicone'?"),
-        ("", "scene '' is unknown"),
-        ("../scenes/tripod", "is unknown"),
-        ("no/such/place.toml", "scene file 'no/such/place.toml' cannot be read: No such file or directory"),
-        ("zero\0byte.toml", r"scene file 'zero\x00byte.toml' cannot be read: embedded null byte"),
+        ("tripd", ("scene 'tripd'", "unknown", "scenes: ", ".toml file", "'tripod'?")),
+        ("Silicone", ("'silicone'?",)),
+        ("", ("scene ''", "unknown")),
+        ("../scenes/tripod", ("unknown",)),
+        ("no/such/place.toml", ("scene file 'no/such/place.toml'", "no such file")),
+        ("zero\0byte.toml", (r"scene file 'zero\x00byte.toml'", "null byte")),
     ],
 )
-def test_an_unknown_scene_is_refused_with_the_nearest_name(name: str, message: str) -> None:
-    assert message in refusal(name)
+def test_an_unknown_scene_is_refused_with_the_nearest_name(name: str, named: tuple[str, ...]) -> None:
+    assert_names(refusal(name), *named)
 
 
 def test_a_name_like_no_other_gets_no_hint() -> None:
-    assert "did you mean" not in refusal("xyzzy")
+    assert "?" in refusal("Silicone")
+    assert "?" not in refusal("xyzzy")
 
 
 BASE = scene_to_toml(load_scene("tripod"))
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "named"),
     [
-        (b"", "field name is missing; it must be text"),
-        (
-            'name = "a"\ndescription = "b"\n[[servo]]\nset = "end"',
-            "field servo.0.hub is missing; it must be 3 numbers in m",
-        ),
-        (
-            'name = "a"\n[servo]\nset = "end"',
-            "servo is one table; it must be a list of them: in a file [[servo]]",
-        ),
-        ('name = "a"\n[[platform]]\nposition = [0, 0, 0]', "field platform.0.hold is missing"),
-        ("name = ", "is not valid TOML: Invalid value (at end of document)"),
-        (BASE + "[material]\n", "is not valid TOML"),
-        (b'name = "\xff"', "is not UTF-8 text"),
-        ("#" * (MAX_BYTES + 1), f"is larger than {MAX_BYTES} bytes"),
-        ("v = " + "[" * 20_000, "is not valid TOML: nested too deeply"),
-        ("v = " + "[" * 20_000 + "]" * 20_000, "is not valid TOML: nested too deeply"),
-        ("v = " + "{a=" * 20_000, "is not valid TOML: nested too deeply"),
-        (".".join("a" * 40_000) + " = 1", "is not valid TOML: a line with more than 1000 dots"),
-        ("name." + ".".join("a" * 900) + " = {" + ".".join("b" * 90) + " = 1}", "name is <dict>; it must be text"),
-        ("name." * 30 + "a = 1", "name is {'name': {'name': "),
-        ("dt = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
-        (f"{BASE}[friction]\n", "field friction is unknown"),
-        (f'"a\\nb\\u0000" = 1\n{BASE}', r"field 'a\nb\x00' is unknown"),
-        (f"{'b' * 9000} = 1\n{BASE}", "field 'bbb"),
-        (f"mesh = 1\n{BASE.split('[mesh]', maxsplit=1)[0]}", "mesh is 1; it must be a table"),
+        (b"", ("field name is missing", "text")),
+        ('name = "a"\ndescription = "b"\n[[servo]]\nset = "end"', ("servo.0.hub", "missing", "3 numbers in m")),
+        ('name = "a"\n[servo]\nset = "end"', ("servo is one table", "list", "[[servo]]")),
+        ('name = "a"\n[[platform]]\nposition = [0, 0, 0]', ("platform.0.hold", "missing")),
+        ("name = ", ("scene.toml", "not valid TOML", "invalid value", "end of document")),
+        (BASE + "[material]\n", ("scene.toml", "not valid TOML",)),
+        (b'name = "\xff"', ("scene.toml", "not UTF-8",)),
+        ("#" * (MAX_BYTES + 1), ("scene.toml", "larger", f"{MAX_BYTES} bytes")),
+        ("v = " + "[" * 20_000, ("scene.toml", "not valid TOML", "nested")),
+        ("v = " + "[" * 20_000 + "]" * 20_000, ("scene.toml", "not valid TOML", "nested")),
+        ("v = " + "{a=" * 20_000, ("scene.toml", "not valid TOML", "nested")),
+        (".".join("a" * 40_000) + " = 1", ("scene.toml", "not valid TOML", "line", "1000 dots")),
+        ("name." + ".".join("a" * 900) + " = {" + ".".join("b" * 90) + " = 1}", ("name is <dict>", "text")),
+        ("name." * 30 + "a = 1", ("name is {'name': {'name': ",)),
+        ("dt = " + "9" * 5000, ("scene.toml", "not valid TOML", "limit")),
+        (f"{BASE}[friction]\n", ("field friction", "unknown")),
+        (f'"a\\nb\\u0000" = 1\n{BASE}', (r"field 'a\nb\x00'", "unknown")),
+        (f"{'b' * 9000} = 1\n{BASE}", ("field '", "unknown")),
+        (f"mesh = 1\n{BASE.split('[mesh]', maxsplit=1)[0]}", ("mesh is 1", "table")),
     ],
 )  # fmt: skip
-def test_a_hostile_file_is_refused_in_one_line(text: str | bytes, message: str, tmp_path: Path) -> None:
-    assert message in refusal(written(tmp_path, text))
+def test_a_hostile_file_is_refused_in_one_line(
+    text: str | bytes, named: tuple[str, ...], tmp_path: Path
+) -> None:
+    assert_names(refusal(written(tmp_path, text)), *named)
 
 
 def test_files_with_a_mark_of_the_byte_order_are_read(tmp_path: Path) -> None:
@@ -504,13 +496,13 @@ def test_files_with_a_mark_of_the_byte_order_are_read(tmp_path: Path) -> None:
 
 def test_what_is_not_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
-    assert "is not a file" in refusal(tmp_path / "folder.toml")
+    assert_names(refusal(tmp_path / "folder.toml"), "folder.toml", "not a file")
     os.mkfifo(tmp_path / "pipe.toml")
     said: list[str] = []
     asker = threading.Thread(target=lambda: said.append(refusal(tmp_path / "pipe.toml")), daemon=True)
     asker.start()
-    asker.join(10)  # who opened it would wait for ever
-    assert "is not a file" in said[0]
+    asker.join(60)  # who opened it would wait for ever
+    assert_names(said[0], "pipe.toml", "not a file")
 
 
 PARTS = {"mesh": Mesh, "material": Material, "solver": Solver, "gravity": Gravity, "inertia": Inertia} | {
@@ -594,5 +586,5 @@ def test_public_names_are_listed_before_they_are_imported() -> None:
 
 
 def test_an_unknown_public_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="module 'tripod_sim' has no attribute 'Simulator'"):
+    with raises_naming(AttributeError, "'tripod_sim'", "attribute 'Simulator'"):
         _ = tripod_sim.Simulator

@@ -12,6 +12,7 @@ pytest.importorskip("tripod_msgs")
 
 import rclpy
 
+from tests.messages import raises_naming
 from tripod_graph.run import ros_arguments
 from tripod_sim import SceneError
 from tripod_sim.node import SimNode
@@ -58,7 +59,5 @@ def test_the_node_takes_the_setting_and_the_user_wins(study: Path) -> None:
 
 @pytest.mark.usefixtures("graph")
 def test_an_accuracy_that_no_setting_reaches_is_refused(study: Path) -> None:
-    with pytest.raises(
-        SceneError, match=r"--accuracy 0\.1 %: no setting of study 'tripod_dynamic' is so exact"
-    ):
+    with raises_naming(SceneError, "--accuracy", "0.1 %", "no setting", "'tripod_dynamic'"):
         start(set="mesh.level=1", accuracy="0.1%", study=str(study))

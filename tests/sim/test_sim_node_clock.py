@@ -30,8 +30,7 @@ def test_clock_and_stamps_pass_with_the_steps_and_a_reset_does_not_set_them_back
     graph.reset()
     graph.wait(lambda: clocks, "the clock")
     poses = graph.listen_to_all(names.EFFECTOR_POSE)
-    graph.spin(0.2)
-    poses.clear()
+    graph.wait(lambda: graph.node._pose.get_subscription_count() == 2, "the second listener")
     for _ in range(8):
         graph.step()
     graph.wait(lambda: len(poses) >= 8, "eight poses")
@@ -54,8 +53,7 @@ def test_joints_move_by_simulated_time_so_that_velocities_are_those_commanded(ma
         lambda: graph.node._follower.goal is not None and graph.node._follower._times[-1] > 0.1, "the command"
     )
     joints = graph.listen_to_all(names.SIM_JOINT_STATES)
-    graph.spin(0.2)
-    joints.clear()
+    graph.wait(lambda: graph.node._joints[0].get_subscription_count() == 2, "the second listener")
     for _ in range(100):  # each takes as long as a call of a service does
         graph.step()
     graph.wait(lambda: len(joints) >= 100, "100 joint states")

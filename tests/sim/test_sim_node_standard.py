@@ -23,6 +23,7 @@ from tripod_msgs.msg import ControlMode, SimStatus
 
 from tests.decisions import SOURCE
 from tests.goals import Goals, goal
+from tests.messages import assert_names
 from tests.services import call
 from tests.sim.sim_graph import Graph
 from tripod_graph import names
@@ -75,22 +76,22 @@ def test_it_is_stepped_reset_and_stopped_as_any_simulator(make) -> None:
     assert 0 not in told.features  # spawning
     assert standard.state() == PLAYING
     assert standard.set_state(PLAYING) == (SetSimulationState.Response.ALREADY_IN_TARGET_STATE, "")
-    assert standard.step(3) == (
-        Result.RESULT_INCORRECT_STATE,
-        "not paused: set the state 2 (paused) first",
-    )
+    code, why = standard.step(3)
+    assert code == Result.RESULT_INCORRECT_STATE
+    assert_names(why, "not paused", "2 (paused)")
     assert standard.set_state(PAUSED) == OK
     assert standard.state() == PAUSED
     first = graph.status(state=SimStatus.PAUSED).step
     assert standard.step(40) == OK
     assert graph.status(state=SimStatus.PAUSED).step == first + 40
-    assert standard.step(0) == (Result.RESULT_OPERATION_FAILED, "steps is 0; allowed: at least 1")
+    code, why = standard.step(0)
+    assert code == Result.RESULT_OPERATION_FAILED
+    assert_names(why, "steps", 0, "at least 1")
     assert standard.reset(ResetSimulation.Request.SCOPE_DEFAULT) == OK
     assert graph.status(state=SimStatus.PAUSED).step == 0
-    assert standard.reset(ResetSimulation.Request.SCOPE_TIME) == (
-        Result.RESULT_FEATURE_UNSUPPORTED,
-        "scope 1: time and state are reset together; allowed: 0, 3, 7, 255",
-    )
+    code, why = standard.reset(ResetSimulation.Request.SCOPE_TIME)
+    assert code == Result.RESULT_FEATURE_UNSUPPORTED
+    assert_names(why, "scope 1", "allowed: 0, 3, 7, 255")
     assert standard.set_state(STOPPED) == OK
     assert standard.state() == STOPPED
     assert standard.set_state(PAUSED) == OK
@@ -100,29 +101,29 @@ def test_it_is_stepped_reset_and_stopped_as_any_simulator(make) -> None:
     assert standard.state() == PAUSED
     assert standard.set_state(PLAYING) == OK
     graph.status(state=SimStatus.PARKED)
-    assert standard.set_state(SimulationState.STATE_QUITTING) == (
-        Result.RESULT_FEATURE_UNSUPPORTED,
-        "state 3 cannot be set; allowed: 0 (stopped), 1 (playing), 2 (paused)",
-    )
+    code, why = standard.set_state(SimulationState.STATE_QUITTING)
+    assert code == Result.RESULT_FEATURE_UNSUPPORTED
+    assert_names(why, "state 3", "0 (stopped)", "1 (playing)", "2 (paused)")
 
 
 def test_a_failed_step_is_told_and_stopping_recovers(make, monkeypatch) -> None:
     graph = make().start()
     standard = Standard(graph)
 
+    failure = "element 7 is crushed"
+
     def crush(joints: object) -> None:
-        raise StepError("element 7 is turned inside out")
+        raise StepError(failure)
 
     with monkeypatch.context() as patch:
         patch.setattr(graph.node._physics._simulation, "step", crush)
         graph.status(state=SimStatus.FAILED)
         found = standard(GetSimulationState, names.SIM_GET_STATE)
-        assert answer(found) == (Result.RESULT_OPERATION_FAILED, "element 7 is turned inside out")
-        assert standard.set_state(PLAYING) == (
-            SetSimulationState.Response.STATE_TRANSITION_ERROR,
-            "element 7 is turned inside out; call sim/reset",
-        )
-        assert standard.step(1) == (Result.RESULT_INCORRECT_STATE, "element 7 is turned inside out")
+        assert answer(found) == (Result.RESULT_OPERATION_FAILED, failure)
+        code, why = standard.set_state(PLAYING)
+        assert code == SetSimulationState.Response.STATE_TRANSITION_ERROR
+        assert_names(why, failure, "sim/reset")
+        assert standard.step(1) == (Result.RESULT_INCORRECT_STATE, failure)
     assert standard.set_state(STOPPED) == OK
     assert standard.state() == STOPPED
     assert graph.status(state=SimStatus.PAUSED).step == 0
@@ -134,7 +135,8 @@ def test_a_goal_moves_the_joints_and_a_reset_ends_one(make) -> None:
     graph = make(timeout=5.0).start()
     goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
     status, _, why = goals.end(goals.send(goal(THERE, seconds=0.2, source=SOURCE)))
-    assert (status, why[:24]) == (GoalStatus.STATUS_ABORTED, "control mode is STOP: co")
+    assert status == GoalStatus.STATUS_ABORTED
+    assert_names(why, "STOP")
     assert graph.joints() == [0, 0, 0, 0]
     graph.choose(ControlMode.TELEOP)
     assert goals.end(goals.send(goal(THERE, seconds=0.2, source=SOURCE)))[0] == GoalStatus.STATUS_SUCCEEDED
@@ -147,7 +149,7 @@ def test_a_goal_moves_the_joints_and_a_reset_ends_one(make) -> None:
     graph.reset()
     status, code, why = goals.end(handle)
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -1)
-    assert why == f"interrupted: TELEOP by {SOURCE} is in force"
+    assert_names(why, f"TELEOP by {SOURCE}")
     assert graph.node._refused == 0
 
 
@@ -158,7 +160,7 @@ def test_a_goal_ends_while_paused_too(make) -> None:
     assert Standard(graph).set_state(PAUSED) == OK
     status, code, why = goals.end(goals.send(goal(THERE, seconds=0.2, source=SOURCE)))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, -5)
-    assert why.startswith("servo_0 is at 0.0000 rad instead of -0.2")
+    assert_names(why, "servo_0", "0.0000 rad", "-0.2000")
 
 
 def test_a_goal_that_a_clock_at_rest_holds_up_ends_with_its_operator(make) -> None:
@@ -202,4 +204,4 @@ def test_rates_and_limits_change_while_it_runs(make) -> None:
     speeds = -np.diff(angles[first]) / np.diff(times)
     assert speeds.max() == pytest.approx(0.5, rel=1e-3)
     refused = graph.node.set_parameters([Parameter("angle_max", value=0.1)])
-    assert refused[0].reason == "Trying to set a read-only parameter: angle_max."
+    assert_names(refused[0].reason, "read-only", "angle_max")

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.explain.loops import kernel_stages
 from tripod_sim.integrators.stability import longest_step
@@ -166,7 +167,7 @@ def test_what_overflows_leaves_the_state_and_says_so() -> None:
     simulation = automatic(1e-6)
     simulation.state.velocities[3] = 1e200
     before = simulation.positions.copy()
-    with pytest.raises(StepError, match=r"step 1 at 0 s overflows, even in parts of 1e-06 s"):
+    with raises_naming(StepError, "step 1 at 0 s", "overflows", "parts of 1e-06 s"):
         simulation.step()
     np.testing.assert_array_equal(simulation.positions, before)
     assert simulation.state.time == 0.0
@@ -180,20 +181,14 @@ def test_the_shortest_part_is_accepted_whatever_it_adds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (
-            ("time_error.estimate=global",),
-            "time_error.estimate is 'global', but the explicit steps of springs",
-        ),
-        (
-            ("springs.stiffness=1e9", "springs.node_mass=1e-10"),
-            r"dt is 0.02 s: a step would take .* parts of .* s to be stable",
-        ),
+        (("time_error.estimate=global",), ("time_error.estimate", "'global'", "explicit steps of springs")),
+        (("springs.stiffness=1e9", "springs.node_mass=1e-10"), ("dt is 0.02 s", "parts of", "stable")),
     ],
 )
-def test_what_cannot_be_is_refused(words: tuple[str, ...], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
+def test_what_cannot_be_is_refused(words: tuple[str, ...], named: tuple[str, ...]) -> None:
+    with raises_naming(SceneError, *named):
         automatic(1e-6, *words)
 
 

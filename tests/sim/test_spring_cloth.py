@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.memory import kept
+from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.springs.spring_build import spring_body
 
@@ -254,5 +255,5 @@ def test_many_steps_of_a_solid_are_those_of_single_steps() -> None:
     assert simulation.positions.tobytes() == end
     assert report.iterations == sum(r.iterations for r in singles)
     assert report.parts == 5
-    with pytest.raises(SceneError, match="steps is 0; it must be a whole number, at least 1"):
+    with raises_naming(SceneError, "steps is 0", "whole number", "at least 1"):
         simulation.advance(0)

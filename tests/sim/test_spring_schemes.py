@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 
 ORDERS = {
@@ -229,7 +230,7 @@ def test_undivided_steps_beyond_the_limit_are_flagged_at_once_and_stop_before_a_
              "dt=0.005"]  # fmt: skip
     simulation = Simulation(load_scene("pendulum", words))
     grew = 0
-    with pytest.raises(StepError, match=r"overflows: the explicit scheme is unstable at dt 0\.005 s \(limit"):
+    with raises_naming(StepError, "overflows", "explicit scheme", "unstable", "dt 0.005 s (limit"):
         for step in range(1, 10_000):
             report = simulation.step()
             if report.growth and not grew:
@@ -264,7 +265,7 @@ def test_the_limit_is_the_limit(scheme: str, ratio: float, stable: bool) -> None
 
 
 def test_too_many_parts_are_refused() -> None:
-    with pytest.raises(SceneError, match=r"dt is 1 s: a step would take .* parts of .* s to be stable"):
+    with raises_naming(SceneError, "dt is 1 s", "parts", "at most 10000000", "inertia.scheme"):
         Simulation(load_scene("pendulum", ["springs.stiffness=1e9", "springs.node_mass=1e-12", "dt=1.0"]))
 
 

@@ -1,12 +1,14 @@
 """Hard cases: nothing becomes NaN, nothing ends inside out, everything comes to rest; what cannot be saved says so."""
 
 import itertools
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks import stability
+from tests.messages import names, raises_naming
 from tests.scenes import SHARP
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, StepError, load_scene
@@ -90,9 +92,9 @@ def test_corotational_recovers_from_inverted_elements() -> None:
 
 
 def test_a_tolerance_below_rounding_is_named_and_no_element_that_is_whole() -> None:
-    with pytest.raises(StepError, match=r"solver\.tolerance is 1e-14 N and has to be larger here") as told:
+    with raises_naming(StepError, "solver.tolerance", "1e-14 N", "larger") as told:
         Simulation(load_scene("silicone", ["mesh.level=1", "solver.tolerance=1e-14"])).step()
-    assert "element" not in str(told.value)
+    assert not names(told.value, "element")
 
 
 def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_state() -> None:
@@ -102,10 +104,9 @@ def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_s
     free = simulation._system.reduction.free
     simulation.state.positions[free[:20]] = 0.0  # crush elements to a point: neo-Hooke has no energy there
     broken = simulation.state.positions.copy()
-    with pytest.raises(
-        StepError, match=r"step 2 at 0.005 s cannot be saved.*element \d+ is (turned inside out|crushed) "
-    ):
+    with raises_naming(StepError, "step 2 at 0.005 s") as told:
         simulation.step()
+    assert re.search(r"element \d+", str(told.value))
     np.testing.assert_array_equal(simulation.state.positions, broken)  # unchanged by the failed step
     assert simulation.state.step == 1
     good.copy_to(simulation.state)
@@ -144,45 +145,45 @@ def test_a_step_that_fails_takes_a_bounded_number_of_linear_solves(
     newton = simulation._stepper.newton
     spent = newton.spent
     monkeypatch.setattr(System, "unbalanced", lambda self: 1.0)
-    with pytest.raises(StepError, match=r"even in parts of 0\.25 of it: unbalanced force 1 N above"):
+    with raises_naming(StepError, "parts of 0.25", "unbalanced force 1 N"):
         simulation.step()
     assert 60 <= newton.spent - spent <= 63
 
 
 @pytest.mark.parametrize(
-    ("joints", "word"),
+    ("joints", "named"),
     [
-        ([np.nan, 0, 0, 0], "not finite"),
-        ([0, 0, 0], "shape"),
-        ([-3.0, 0, 0, 0], "servo 0: angle -3 rad; allowed is -2.1 to 0.6"),
-        ([0, 0, 1.0, 0], "servo 2: angle 1 rad"),
-        ([0, 0, 0, 0.5], "slide 0.5 m; allowed is 0 to 0.04"),
+        ([np.nan, 0, 0, 0], ("not finite",)),
+        ([0, 0, 0], ("shape", "(3,)", "(4,)")),
+        ([-3.0, 0, 0, 0], ("servo 0: angle", "-3 rad", "-2.1 to 0.6")),
+        ([0, 0, 1.0, 0], ("servo 2: angle", "1 rad")),
+        ([0, 0, 0, 0.5], ("slide", "0.5 m", "0 to 0.04")),
     ],
 )
-def test_bad_commands_are_refused_and_change_nothing(joints: list[float], word: str) -> None:
+def test_bad_commands_are_refused_and_change_nothing(joints: list[float], named: tuple[str, ...]) -> None:
     simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     before = simulation.state.positions.copy()
-    with pytest.raises(SceneError, match=word):
+    with raises_naming(SceneError, *named):
         simulation.step(np.array(joints))
     np.testing.assert_array_equal(simulation.state.positions, before)
     assert simulation.state.step == 0
 
 
 @pytest.mark.parametrize(
-    ("scene", "joints", "words"),
+    ("scene", "joints", "named"),
     [
-        (SHARP, [0.0] * 3, r"joints have shape \(3,\); the scene needs \(4,\)"),
-        (SHARP, [np.nan] * 4, "joints .* are not finite"),
-        (SHARP, ["a"] * 4, r"joints are \['a', .*\]; the scene needs 4 numbers"),
-        (SHARP, [[0.0], [0.0, 0.0]], r"joints are \[\[0.0\], \[0.0, 0.0\]\]; the scene needs 4 numbers"),
-        (SHARP, [10**400] * 4, r"joints are \[10+\.\.\.; the scene needs 4 numbers"),
-        ("silicone", [0.0], "the scene has no servos"),
+        (SHARP, [0.0] * 3, ("joints", "shape (3,)", "(4,)")),
+        (SHARP, [np.nan] * 4, ("joints", "nan", "not finite")),
+        (SHARP, ["a"] * 4, ("joints are ['a', ", "4 numbers")),
+        (SHARP, [[0.0], [0.0, 0.0]], ("joints are [[0.0], [0.0, 0.0]]", "4 numbers")),
+        (SHARP, [10**400] * 4, ("joints are [", "000...", "4 numbers")),
+        ("silicone", [0.0], ("no servos",)),
     ],
 )
-def test_rest_is_refused_where_there_is_none(scene: str, joints: Any, words: str) -> None:
+def test_rest_is_refused_where_there_is_none(scene: str, joints: Any, named: tuple[str, ...]) -> None:
     simulation = Simulation(load_scene(scene, ["mesh.level=1"]))
     before = simulation.positions.copy()
-    with pytest.raises(SceneError, match=words):
+    with raises_naming(SceneError, *named):
         simulation.rest_at(joints)
     assert np.array_equal(simulation.positions, before)
 
@@ -191,9 +192,9 @@ def test_rest_is_refused_at_no_time_and_from_a_state_of_another_scene() -> None:
     simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     other = Simulation(load_scene("pendulum")).state
     before = simulation.positions.copy()
-    with pytest.raises(SceneError, match="time is nan s; it must be at least 0 s"):
+    with raises_naming(SceneError, "time is nan s", "at least 0 s"):
         simulation.rest_at(simulation.command, time=np.nan)
-    with pytest.raises(SceneError, match="the state is of another scene: positions of shape"):
+    with raises_naming(SceneError, "state", "another scene", "positions of shape"):
         simulation.rest_at(simulation.command, other)
     assert np.array_equal(simulation.positions, before)
 
@@ -201,7 +202,7 @@ def test_rest_is_refused_at_no_time_and_from_a_state_of_another_scene() -> None:
 @pytest.mark.parametrize("steps", [0, 2.0, "3", None])
 def test_a_number_of_steps_that_is_none_is_refused(steps: Any) -> None:
     simulation = Simulation(load_scene("pendulum"))
-    with pytest.raises(SceneError, match=r"steps is .*; it must be a whole number, at least 1"):
+    with raises_naming(SceneError, f"steps is {steps!r}", "whole number", "at least 1"):
         simulation.advance(steps)
     assert simulation.state.step == 0
 

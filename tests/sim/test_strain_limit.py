@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.messages import raises_naming
 from tests.sim.test_bodies import assert_nothing_passes
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.forces.strain_bound import MARGIN, StrainBound
@@ -228,7 +229,7 @@ def test_a_bound_that_cannot_be_met_ends_with_the_last_good_state(tmp_path: Path
     for scheme in ("implicit_euler", "semi_implicit_euler"):
         move = "[[prescribed]]\nset = 'top'\nmove = '0: 0,0,0; 0.1: 0,0,0.05'\n"
         simulation = hung(tmp_path, away + move, f"inertia.scheme={scheme}")
-        with pytest.raises(StepError, match=r"strain_limit cannot be met by the spring of nodes") as caught:
+        with raises_naming(StepError, "strain_limit", "spring of nodes") as caught:
             for _ in range(100):
                 before = simulation.positions.copy()
                 simulation.step()
@@ -273,5 +274,5 @@ def test_servos_move_beside_a_bound_and_the_static_body_has_none(scheme: str) ->
 
 
 def test_a_bound_without_springs_is_refused() -> None:
-    with pytest.raises(SceneError, match="strain_limit needs springs and inertia"):
+    with raises_naming(SceneError, "strain_limit", "springs", "inertia"):
         load_scene("silicone", ["strain_limit={}"])

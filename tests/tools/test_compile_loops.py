@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import line_naming, lines_naming
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -24,9 +26,15 @@ def run(environ: dict[str, str], *words: str) -> str:
 
 @pytest.mark.slow
 def test_a_scene_that_was_compiled_runs_at_once(environ: dict[str, str]) -> None:
-    told = run(environ, "-m", "tools.compile_loops", "pendulum").splitlines()
-    assert told[-1] == "compiled the loops of 1 of 1 scenes: pendulum"
-    assert any(line.startswith("compiling for this machine, once: loop ") for line in told)
-    again = run(environ, "-m", "tools.compile_loops", "pendulum").splitlines()
-    assert again == told[-1:]
-    assert "compiling" not in run(environ, "-m", "tripod_bringup", "run", "pendulum", "--duration", "0.1")
+    def compiled() -> set[Path]:
+        return set(Path(environ["NUMBA_CACHE_DIR"]).rglob("*.nbc"))
+
+    told = run(environ, "-m", "tools.compile_loops", "pendulum")
+    last = line_naming(told, "1 of 1 scenes", "pendulum")
+    assert told.splitlines()[-1] == last
+    assert lines_naming(told, "compiling", "once", "loop")
+    loops = compiled()
+    assert loops
+    assert run(environ, "-m", "tools.compile_loops", "pendulum").splitlines() == [last]
+    run(environ, "-m", "tripod_bringup", "run", "pendulum", "--duration", "0.1")
+    assert compiled() == loops

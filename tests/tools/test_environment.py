@@ -7,10 +7,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tools import environment
 from tools.command import Shell
 from tools.errors import StepError
@@ -80,6 +82,22 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Checkout:
     return Checkout(tmp_path, monkeypatch)
 
 
+def until(condition: Callable[[], object]) -> None:
+    """Wait until `condition()` is true, or fail after a minute."""
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def runs(process: int) -> bool:
+    """Return whether a process is there, and no zombie."""
+    try:
+        return " Z " not in Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
 def append(path: Path, text: str) -> None:
     path.write_text(path.read_text(encoding="utf-8") + text, encoding="utf-8")
 
@@ -89,7 +107,9 @@ def test_a_second_set_up_does_nothing(checkout: Checkout, capsys: pytest.Capture
     assert checkout.code == 0
     capsys.readouterr()
     assert checkout.set_up() == []
-    assert capsys.readouterr().out == "setup: .venv is up to date\n"
+    out = capsys.readouterr().out
+    assert out.count("\n") == 1
+    assert_names(out, "setup: ", ".venv", "up to date")
 
 
 def test_a_changed_message_rebuilds_the_messages_alone(checkout: Checkout) -> None:
@@ -172,7 +192,7 @@ def test_a_download_that_fails_is_tried_again_in_the_same_environment(
     checkout.trouble = {"packages": StepError("python failed with exit code 1:\n  | no network")}
     assert checkout.set_up() == ["environment", "packages"]
     assert checkout.code == 1
-    assert "no network" in capsys.readouterr().err
+    assert_names(capsys.readouterr().err, "exit code 1", "| no network")
     checkout.trouble = {}
     assert checkout.set_up() == ALL[1:]
 
@@ -192,18 +212,16 @@ def test_a_job_beside_others_is_told_in_the_log_and_ends_with_all_it_started(tmp
     job.kill()
     assert "as told" in shell.log.read_text(encoding="utf-8")
     job = shell.start(sys.executable, "-c", "print('trouble'); raise SystemExit(3)")
-    with pytest.raises(StepError, match=r"failed with exit code 3:\n  \| trouble"):
+    with raises_naming(StepError, "exit code 3", "| trouble"):
         job.end()
     words = (
         "import subprocess, sys; p = subprocess.Popen(['sleep', '1000']); print(p.pid, flush=True); p.wait()"
     )
     job = shell.start(sys.executable, "-c", words)
-    while not job.said.read_text(encoding="utf-8").strip():
-        time.sleep(0.01)
+    until(lambda: job.said.read_text(encoding="utf-8").endswith("\n"))
     child = int(job.said.read_text(encoding="utf-8"))
     job.kill()
-    while Path(f"/proc/{child}/stat").exists() and " Z " not in Path(f"/proc/{child}/stat").read_text():
-        time.sleep(0.01)
+    until(lambda: not runs(child))
     assert not job.said.exists()
 
 
@@ -224,7 +242,7 @@ def test_the_environment_of_another_checkout_is_left_alone(
     checkout.venv.symlink_to(other)
     assert checkout.set_up() == []
     assert checkout.code == 2
-    assert "is a link to" in capsys.readouterr().err
+    assert_names(capsys.readouterr().err, checkout.venv, "link", other)
     assert [path.name for path in other.iterdir()] == ["kept"]
 
 
@@ -243,12 +261,10 @@ def test_a_program_that_outlives_a_killed_set_up_keeps_the_next_one_waiting(tmp_
     )
     install = hold + (
         "    shell = Shell(os.environ, folder / 'log', lock)\n"
-        "    shell.run('sh', '-c', f'echo $$ > {folder}/new && mv {folder}/new {folder}/pid && exec sleep 60')\n"
+        "    shell.run('sh', '-c', f'echo $$ > {folder}/new && mv {folder}/new {folder}/pid && exec sleep 600')\n"
     )
     killed = subprocess.Popen([sys.executable, "-c", install], cwd=ROOT)
-    deadline = time.monotonic() + 20
-    while not (tmp_path / "pid").exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
+    until((tmp_path / "pid").exists)
     installer = int((tmp_path / "pid").read_text())
     killed.kill()
     killed.wait()
@@ -260,20 +276,23 @@ def test_a_program_that_outlives_a_killed_set_up_keeps_the_next_one_waiting(tmp_
     )
     try:
         assert follower.stdout is not None
-        assert "waiting for another set-up" in follower.stdout.readline()
+        assert_names(follower.stdout.readline(), "waiting", "another set-up")
         os.kill(installer, signal.SIGKILL)
         assert follower.stdout.readline() == "mine\n"
     finally:
+        with suppress(ProcessLookupError):
+            os.kill(installer, signal.SIGKILL)
         follower.kill()
         follower.communicate()
 
 
 def test_a_program_that_fails_is_quoted_and_logged(tmp_path: Path) -> None:
     shell = Shell(os.environ, tmp_path / "log", os.open(tmp_path, os.O_RDONLY))
-    with pytest.raises(StepError, match=r"sh failed with exit code 3:\n  \| first\n  \| second"):
+    with raises_naming(StepError, "sh", "exit code 3") as failed:
         shell.run("sh", "-c", "echo first; echo second >&2; exit 3")
+    assert str(failed.value).splitlines()[1:] == ["  | first", "  | second"]
     assert (tmp_path / "log").read_text(encoding="utf-8").endswith("first\nsecond\n")
-    with pytest.raises(StepError, match="no-such-program: No such file"):
+    with raises_naming(StepError, "no-such-program", "no such file"):
         shell.run("no-such-program")
     os.close(shell.lock)
 

@@ -2,8 +2,7 @@
 
 from itertools import islice
 
-import pytest
-
+from tests.messages import assert_names, raises_naming
 from tools import mutate
 
 SOURCE = '''"""Doc 1 + 2."""
@@ -33,7 +32,7 @@ def test_what_is_computed_is_changed_and_nothing_else() -> None:
 
 
 def test_a_mutant_of_another_source_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"a\.py:2: '1e-7' is not at column 15"):
+    with raises_naming(ValueError, "a.py:2", "'1e-7'", "column 15"):
         mutate.Mutant("a.py", 2, 15, "1e-7", "1").apply("a = 1\nb = 2\n")
 
 
@@ -60,5 +59,7 @@ def test_results_are_read_again_and_survivors_are_named(tmp_path, capsys) -> Non
     known = mutate.read_results(file)
     assert known == {one: "tests/a.py::b", two: None}
     assert mutate.tell([one, two], known) == 1
-    assert capsys.readouterr().out == "killed 1 of 2; survivors:\n  a.py:3:5: 0 -> 1\n"
+    killed, survivor = capsys.readouterr().out.splitlines()
+    assert_names(killed, "killed 1 of 2", "survivors")
+    assert_names(survivor, "a.py:3:5", "0 -> 1")
     assert mutate.tell([one], known) == 0

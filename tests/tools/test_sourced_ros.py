@@ -42,9 +42,9 @@ def test_a_python_starts_itself_anew_with_the_paths_of_ros(tmp_path: Path) -> No
         },
     )
     words = [str(venv / "bin" / "python"), "-c", f"import module_of_ros; {SHOW}", "an argument", "another"]
-    result = subprocess.run(words, env={}, capture_output=True, text=True, check=True, timeout=20)
+    result = subprocess.run(words, env={}, capture_output=True, text=True, check=True, timeout=120)
     assert result.stdout == f"{venv}/lib:{ros}/lib|{ros}/python|an argument|another\n"
     result = subprocess.run(
-        words, env={"LD_LIBRARY_PATH": "/first"}, capture_output=True, text=True, check=True, timeout=20
+        words, env={"LD_LIBRARY_PATH": "/first"}, capture_output=True, text=True, check=True, timeout=120
     )
     assert result.stdout.startswith(f"/first:{venv}/lib:{ros}/lib|")

@@ -52,6 +52,7 @@ class FakeSimulator(Node):
         self.targets: list[PoseStamped] = []
         self.spoil = ""  # what to publish wrongly: "nan", "size" or "topology"
         self.silent = False
+        self.ticks = 0  # how often its timer has called it
         self.figures: dict[str, Any] = {}
         self.scene = "fake"
         self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)

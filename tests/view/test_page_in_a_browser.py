@@ -102,7 +102,15 @@ class Opened:
         while not messages.names(shown, *named):
             assert time.monotonic() < end, shown
             self.page.wait_for_timeout(50)
-            shown = self.page.evaluate("(s) => document.querySelector(s)?.textContent ?? ''", selector)
+            shown = self.page.evaluate(
+                """(selector) => {
+                    const found = document.querySelector(selector), texts = [];
+                    const walker = found && document.createTreeWalker(found, NodeFilter.SHOW_TEXT);
+                    while (walker?.nextNode()) texts.push(walker.currentNode.data);
+                    return texts.join(" ");
+                }""",
+                selector,
+            )
 
     def press(self, *buttons: str) -> None:
         """Click on buttons by what stands on them; all must be in sight and enabled."""
@@ -226,7 +234,10 @@ def press_everything(opened: Opened, stage: Stage, shown: dict[str, Any], asked:
 def drive(opened: Opened, stage: Stage) -> None:
     """Take control, move servos by slider, by typing and by keys, and stop in each way that there is."""
     page, sim = opened.page, stage.sim
-    page.locator("#drive").click()
+    button = page.locator("#drive")
+    assert button.is_visible()
+    assert button.is_enabled()
+    button.dispatch_event("click")
     stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
     opened.wait("!document.querySelector('.servo input').disabled")
     if not page.evaluate("navigator.maxTouchPoints"):
@@ -335,12 +346,12 @@ def test_a_recorder_is_started_and_stopped(stage: Stage, browser: Any) -> None:
         return stage.sim.create_service(Trigger, what, on_call)
 
     services = [
-        answer(names.RECORD_START, "to here.mcap"),
+        answer(names.RECORD_START, "recording to here.mcap"),
         answer(names.RECORD_STOP, "here.mcap is closed"),
     ]
     with Opened(browser, stage, "screen") as opened:
         for button, wanted, told in (
-            ("Record", names.RECORD_START, "to here.mcap"),
+            ("Record", names.RECORD_START, "recording to here.mcap"),
             ("Stop recording", names.RECORD_STOP, "here.mcap is closed"),
         ):
             opened.text("#record:enabled", button)

@@ -17,10 +17,10 @@ import rclpy
 from geometry_msgs.msg import Point, PoseStamped
 from shape_msgs.msg import Mesh, MeshTriangle
 from std_msgs.msg import String
-from tests.messages import line_naming, lines_naming, raises_naming
 from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
 
 from tests.domains import own_domain
+from tests.messages import line_naming, lines_naming, raises_naming
 from tests.view.fake_browser import FakeBrowser
 from tests.view.shown_scene import show, told
 from tests.view.stage import DEADLINE, Stage, View

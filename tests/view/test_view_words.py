@@ -47,7 +47,11 @@ def mode_line(mode: Mode, source: str, now: float = 0.0) -> Line:
         (words.sim_line(sim(state=77)), Light.BAD, ("unknown", 77)),
         (words.ik_line(ik(state=0)), Light.OFF, ("idle",)),
         (words.ik_line(ik()), Light.GOOD, ("following", "0.12 mm")),
-        (words.ik_line(ik(effector_mesh_error=9.04e-5)), Light.GOOD, ("0.12 mm", "mesh 0.09 mm", "estimated")),
+        (
+            words.ik_line(ik(effector_mesh_error=9.04e-5)),
+            Light.GOOD,
+            ("0.12 mm", "mesh 0.09 mm", "estimated"),
+        ),
         (
             words.ik_line(ik(state=2, error=0.003, active_limits=["servo_0 angle max"])),
             Light.WATCH,
@@ -62,9 +66,9 @@ def mode_line(mode: Mode, source: str, now: float = 0.0) -> Line:
         ),
         (words.robot_line(robot()), Light.OFF, ("no robot",)),
         (
-            words.robot_line(robot(state=0, message="no port: plug it")),
+            words.robot_line(robot(state=0, message="no port found")),
             Light.OFF,
-            ("not connected", "no port: plug it"),
+            ("not connected", "no port found"),
         ),
         (words.robot_line(robot(state=6, message="x")), Light.BAD, ("fault", "x")),
         (mode_line(Mode.TELEOP, "/view#1"), Light.GOOD, ("sliders",)),
