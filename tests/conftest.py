@@ -5,7 +5,9 @@ import os
 import re
 import shutil
 import signal
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from tempfile import mkdtemp
 
 import pytest
@@ -30,10 +32,12 @@ settings.load_profile("fast")
 os.environ["XDG_STATE_HOME"] = mkdtemp(prefix="tripod_state_")
 atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
 
-# Tests start some hundreds of processes: where bytecode is not kept, each would compile all that it imports.
+# Tests start some hundreds of processes: where bytecode is not kept beside the sources, keep it elsewhere, or each of
+# them would compile all that it imports.
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", "") and "PYTHONPYCACHEPREFIX" not in os.environ:
-    os.environ["PYTHONPYCACHEPREFIX"] = mkdtemp(prefix="tripod_bytecode_")
-    atexit.register(shutil.rmtree, os.environ["PYTHONPYCACHEPREFIX"], ignore_errors=True)
+    sys.pycache_prefix = str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode")
+    sys.dont_write_bytecode = False
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 
 # In the background, or under `nohup`, a shell has SIGINT or SIGHUP ignored, and so would the processes that tests start
 # and send them. What is handled is not inherited.

@@ -13,6 +13,9 @@ import pytest
 LONGEST_PHRASE = 4
 """Words of prose that a test may quote in a row: enough for a name, too few for a sentence."""
 
+_ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+"""What a terminal takes for a colour or a mode, not for text."""
+
 _COMMAND = re.compile(r"(?:sudo|tripod|ros2|make|pip|python3?|source|export) ")
 _WORD = re.compile(r"(?<![\w./=-])[A-Za-z][a-z']*(?![\w/=_(-]|\.\w)")
 
@@ -71,7 +74,7 @@ def line_naming(text: str, *what: object) -> str:
 def _missing(text: object, what: tuple[object, ...]) -> list[str]:
     if not what:
         raise ValueError("no names given: every message would pass")
-    flat = " ".join(str(text).split()).casefold()
+    flat = " ".join(_ESCAPE.sub("", str(text)).split()).casefold()
     return [name for name in map(str, what) if not re.search(_pattern(name), flat)]
 
 

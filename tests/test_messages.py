@@ -34,6 +34,10 @@ def test_what_would_pass_always_or_quotes_a_sentence_is_refused(what: tuple[str,
         names(MESSAGE, *what)
 
 
+def test_colours_and_modes_of_a_terminal_are_no_text() -> None:
+    assert_names("\x1b[?2004lended by \x1b[1mq\x1b[0m", "ended by q")
+
+
 def test_an_exception_is_checked_by_what_it_names() -> None:
     with raises_naming(ValueError, "mesh.level", 12) as caught:
         raise ValueError(MESSAGE)

@@ -16,9 +16,13 @@ LONGEST = 80
 
 
 def shown(value: Any) -> str:
-    """Return a value on one line, however long or deep it is, for a message."""
+    """Return a value on one line, however long or deep it is, for a message.
+
+    Of a long one the middle is left out: a path ends with what tells it from others.
+    """
     try:
         text = repr(value)
     except (RecursionError, ValueError):  # nested too deeply; more digits than Python converts
         text = f"<{type(value).__name__}>"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    half = (LONGEST - 3) // 2
+    return text if len(text) <= LONGEST else f"{text[:half]}...{text[-half:]}"

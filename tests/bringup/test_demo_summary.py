@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import assert_names, line_naming, names
 from tripod_bringup.demo_summary import (
     NOT_MEASURED,
     SAMPLE,
@@ -43,19 +44,18 @@ def full() -> Measurements:
 
 
 def test_every_figure_is_told_with_its_unit() -> None:
-    rows = dict(summary_rows(full(), RECORDING, "http://127.0.0.1:8080"))
-    assert rows["real-time factor, median"] == "1.00x"
-    assert rows["step time, median"] == "0.60 ms"
-    assert rows["step time, p99 (median of seconds)"] == "3.00 ms"
-    assert (
-        rows["simulated effector off the moving target, rms"]
-        == "0.354 mm (below 0.5 mm; 2 samples after 1 s)"
-    )
-    assert rows["simulated effector off the moving target, largest"] == "0.400 mm"
-    assert rows["IK states"] == "tracking 50"
-    assert rows["packets sent"] == "300 on mock"
-    assert rows["recording"] == "recordings/one (2.5 MB, 1234 messages)"
-    assert rows["page"] == "http://127.0.0.1:8080"
+    rows = summary_rows(full(), RECORDING, "http://127.0.0.1:8080")
+    table = "\n".join(": ".join(row) for row in rows)
+    line_naming(table, "real-time factor", "median", "1.00x")
+    line_naming(table, "step time", "median", "0.60 ms")
+    line_naming(table, "step time", "p99", "3.00 ms")
+    line_naming(table, "effector", "target", "largest", "0.400 mm")
+    line_naming(table, "IK states", "tracking 50")
+    line_naming(table, "packets", 300, "mock")
+    line_naming(table, "recording: recordings/one", "2.5 MB", "1234 messages")
+    line_naming(table, "page: http://127.0.0.1:8080")
+    error = line_naming(table, "effector", "target", "rms", "0.354 mm", "0.5 mm", "2 samples", "1 s")
+    assert not names(error, "not")
     assert problems(full(), RECORDING) == []
     assert problems(full(), None) == []
 
@@ -63,47 +63,49 @@ def test_every_figure_is_told_with_its_unit() -> None:
 def test_an_error_above_what_is_wanted_is_named_so() -> None:
     measured = full()
     measured.tracking.add(2e-3)
-    assert (
-        "NOT below 0.5 mm"
-        in dict(summary_rows(measured, None, ""))["simulated effector off the moving target, rms"]
-    )
+    table = "\n".join(": ".join(row) for row in summary_rows(measured, None, ""))
+    line_naming(table, "effector", "target", "rms", "not", "0.5 mm")
 
 
 def test_what_was_not_measured_is_no_number() -> None:
     rows = dict(summary_rows(Measurements(), None, ""))
     figures = [name for name in rows if name not in ("recording", "page", "body states received")]
     assert {rows[name] for name in figures} == {NOT_MEASURED}
-    assert rows["recording"] == "none (not recorded)"
+    assert_names(rows["recording"], "none")
 
 
 @pytest.mark.parametrize(
-    ("change", "expected"),
+    ("change", "named"),
     [
-        ({"real_time_factor": Sample()}, "no status of the simulation"),
-        ({"body_states": 0}, "no body states"),
-        ({"tracking": Spread()}, "the effector was not measured against the target"),
-        ({"ik_solved": 0}, "inverse kinematics solved nothing"),
-        ({"packets": None}, "no packets to the servos"),
-        ({"packets": 100}, "no packets to the servos"),
-        ({"session_failure": "stopped while waiting"}, "stopped while waiting"),
+        ({"real_time_factor": Sample()}, ("status", "simulation")),
+        ({"body_states": 0}, ("body states",)),
+        ({"tracking": Spread()}, ("effector", "target")),
+        ({"ik_solved": 0}, ("inverse kinematics",)),
+        ({"packets": None}, ("packets", "servos")),
+        ({"packets": 100}, ("packets", "servos")),
+        ({"session_failure": "stopped while waiting"}, ("stopped while waiting",)),
     ],
 )
-def test_each_missing_part_of_the_chain_is_a_problem(change: dict[str, object], expected: str) -> None:
+def test_each_missing_part_of_the_chain_is_a_problem(
+    change: dict[str, object], named: tuple[str, ...]
+) -> None:
     measured = full()
     for name, value in change.items():
         setattr(measured, name, value)
-    assert problems(measured, RECORDING) == [expected]
+    (problem,) = problems(measured, RECORDING)
+    assert_names(problem, *named)
 
 
 def test_of_a_session_that_broke_off_before_anything_was_measured_only_that_is_told() -> None:
-    measured = Measurements(session_failure="stopped while waiting for the chain")
-    assert problems(measured, RECORDING) == ["stopped while waiting for the chain"]
+    measured = Measurements(session_failure="stopped")
+    assert problems(measured, RECORDING) == ["stopped"]
     torn = RecordingFacts(Path("x"), 10, None, "torn")
-    assert problems(measured, torn) == ["stopped while waiting for the chain", "torn"]
+    assert problems(measured, torn) == ["stopped", "torn"]
 
 
 def test_an_empty_or_torn_recording_is_a_problem() -> None:
-    assert problems(full(), RecordingFacts(Path("x"), 10, 0)) == ["nothing was recorded"]
+    (empty,) = problems(full(), RecordingFacts(Path("x"), 10, 0))
+    assert_names(empty, "nothing", "recorded")
     assert problems(full(), RecordingFacts(Path("x"), 10, None, "torn")) == ["torn"]
 
 

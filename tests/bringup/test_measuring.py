@@ -87,16 +87,20 @@ def seen(angles: np.ndarray, channels=HEIGHT, zeros=ZEROS) -> np.ndarray:
     return predict(replace(plainly(SCENE), zero=zeros), data, ())
 
 
-def test_poses_are_within_both_ranges_and_always_the_same(tour: np.ndarray) -> None:
+def test_poses_are_within_both_ranges(tour: np.ndarray) -> None:
     assert tour.shape == (POSES, 3)
     assert tour.min() >= -1.9 + MARGIN - 1e-12
     assert tour.max() <= 0.1 - MARGIN + 1e-12
-    again = telling_poses(COARSE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, POSES)
-    np.testing.assert_array_equal(again, tour)
     common = tour.mean(axis=1)
     assert np.ptp(common) > 1.0
     assert np.abs(tour - common[:, None]).max() > 0.2
     assert common.max() < -0.3, "strips that are pushed inwards while they are flat buckle up or down"
+
+
+@pytest.mark.slow
+def test_poses_are_always_the_same(tour: np.ndarray) -> None:
+    again = telling_poses(COARSE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, POSES)
+    np.testing.assert_array_equal(again, tour)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tests.messages import assert_names, line_naming, names, raises_naming
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.up_command import settle, up_command
 from tripod_sim import SceneError
@@ -37,7 +38,9 @@ def test_the_setting_comes_before_what_the_user_sets(study: Path) -> None:
     assert words == ["dt=0.002", "mesh.level=1", "dt=0.004", "solver.mode=newton"]
     assert not isinstance(values["sim"]["set"], RawYaml), "it is text, whatever YAML would make of it"
     assert values["sim"]["study"] == str(study), "it tells the simulator what is cheaper"
-    assert "outside the study, which promises nothing then: dt=0.004; solver.mode=newton" in sentence
+    assert_names(sentence, "study", "dt=0.004", "solver.mode=newton")
+    assert not names(settle("tripod", {}, "5%", study), "outside"), "which the study has measured"
+    assert_names(sentence, "outside")
     assert values["view"] == {"port": "1"}
 
 
@@ -48,9 +51,9 @@ def test_without_an_accuracy_nothing_is_touched() -> None:
 
 
 def test_what_is_wrong_is_named(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ValueError, match=r"sim\.set:=\[ is not YAML"):
+    with raises_naming(ValueError, "sim.set:=[", "YAML"):
         settle("tripod", {"sim": {"set": RawYaml("[")}}, "5%", study)
-    with pytest.raises(SceneError, match="--study needs --accuracy"):
+    with raises_naming(SceneError, "--study", "--accuracy"):
         settle("tripod", {}, None, study)
     code = up_command(
         [], scene="tripod", port="mock", record=None, view=False, view_port=None, demo=False, namespace="",
@@ -58,5 +61,5 @@ def test_what_is_wrong_is_named(study: Path, capsys: pytest.CaptureFixture[str])
     )  # fmt: skip
     assert code == 2
     message = capsys.readouterr().err
-    assert "tripod up: --accuracy 0.1 %: no setting of study 'tripod_dynamic' is so exact" in message
+    line_naming(message, "tripod up: ", "--accuracy 0.1 %", "study 'tripod_dynamic'")
     assert len(message.splitlines()) == 1

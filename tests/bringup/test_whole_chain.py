@@ -279,6 +279,7 @@ def children(pid: int) -> list[int]:
     return [int(word) for word in text.split()]
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_two_robots_share_a_domain_in_two_namespaces(tmp_path: Path, domain: int) -> None:
     """Each hears its own nodes only; one more in a namespace that is taken is refused."""

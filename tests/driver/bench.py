@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from tests.decisions import SOURCE, said
+from tests.messages import names
 from tripod_driver.calibration import Calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
@@ -77,6 +78,12 @@ class Bench:
             if not self.states or self.states[-1] is not self.safety.state:
                 self.states.append(self.safety.state)
         return self
+
+    @property
+    def lost_frames(self) -> int:
+        """Frames that were lost on the line, as the diagnostics say."""
+        [count] = [n for key, n in self.link.session.diagnostics.items() if names(key, "frames lost")]
+        return count
 
     def goto(self, *angles: float, time: float = 0.0) -> None:
         self.safety.trajectory(SERVOS, [time], [list(angles)], self.clock.now, source=SOURCE)

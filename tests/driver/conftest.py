@@ -3,7 +3,6 @@
 import contextlib
 import os
 import random
-import select
 import signal
 import subprocess
 import sys
@@ -46,7 +45,6 @@ class Board:
         self.received = b""
         self._near: int | None = None
         self._reader: threading.Thread | None = None
-        self._looks = 0
 
     def plug(self) -> None:
         near, far = os.openpty()
@@ -72,19 +70,9 @@ class Board:
         assert self._near is not None
         os.write(self._near, data)
 
-    def settle(self) -> None:
-        """Wait until what the driver has written so far has arrived: on a busy machine some of it is under way."""
-        assert self._near is not None
-        quiet = self._looks
-        while self._looks < quiet + 2:
-            if select.select([self._near], [], [], 0.0)[0]:
-                quiet = self._looks
-            time.sleep(0.001)
-
     def _read(self, near: int, far: int, unplugged: threading.Event) -> None:
         os.set_blocking(near, False)
         while not unplugged.wait(0.002):
-            self._looks += 1
             with contextlib.suppress(BlockingIOError):
                 data = os.read(near, 4096)
                 self.received += data

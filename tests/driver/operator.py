@@ -1,5 +1,7 @@
 """What the tests say to the driver node and hear from it."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tests.decisions import SOURCE
@@ -7,6 +9,9 @@ from tripod_driver.protocol import RESOLUTION
 from tripod_graph import names
 from tripod_graph.mode import LONGEST_LEASE, Mode
 from tripod_graph.qos import LATCHED, RELIABLE
+
+if TYPE_CHECKING:
+    from tests.driver.conftest import Board
 
 EXACT = RESOLUTION + 1e-9
 
@@ -68,6 +73,18 @@ class Operator:
         for publisher in (self._trajectory, self._mode):
             self.client.wait(lambda p=publisher: p.get_subscription_count() >= 1, "its subscription")
         self.mode(mode, lease=lease)
+
+    def wait_hold(self, board: "Board") -> int:
+        """Wait until the driver holds and `board` has all that was sent before; return how many packets that is."""
+
+        def has_all() -> bool:
+            status = self.status
+            at_goal = status.state == status.HOLDING and near(status.sent, status.commanded)
+            return at_goal and len(board.packets) >= status.packets_sent
+
+        self.statuses.clear()
+        self.client.wait(lambda: self.statuses and has_all(), "the hold")
+        return len(board.packets)
 
     def wait_state(self, state: int, what: str) -> None:
         self.client.wait(lambda: self.statuses and self.status.state == state, what)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.messages import assert_names
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed import encode
 from tripod_driver.framed_messages import ImuLine
@@ -113,4 +114,4 @@ def test_an_imu_that_stutters_is_forgiven_one_that_only_babbles_is_not() -> None
     assert session.diagnostics == {"IMU lines": 100, "bad lines": 500}
     session.hear(b"oops\r\n" * 30, 1.0)
     assert session.state is SessionState.LOST
-    assert session.message.startswith("it sends 'oops\\r' and that is no IMU")
+    assert_names(session.message, "'oops\\r'", "no IMU", "port, baud and protocol")

@@ -3,6 +3,7 @@
 import contextlib
 import os
 
+from tests.messages import assert_names
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed_session import FramedSession
 from tripod_driver.link import Link as AnyLink
@@ -25,7 +26,7 @@ def test_a_board_gets_its_time_to_boot() -> None:
     link = Link(port, retry_min=0.5, retry_max=5.0)
     assert link.state is LinkState.DISCONNECTED
     assert link.poll(10.0) is LinkState.CONNECTING
-    assert link.message == "mock is open; the board starts within 2 s"
+    assert_names(link.message, "mock", "open", "2 s")
     assert link.poll(11.99) is LinkState.CONNECTING
     assert link.poll(12.0) is LinkState.READY
     assert (link.message, link.reconnects) == ("", 0)
@@ -47,14 +48,14 @@ def test_attempts_become_seldom_up_to_a_limit_and_frequent_again_after_a_write()
         now = tick / 100
         assert link.poll(now) is LinkState.DISCONNECTED
     assert attempts == [0.0, 0.5, 1.5, 3.5, 6.5, 9.5]
-    assert link.message == "mock is unplugged; next attempt after 3 s"
+    assert_names(link.message, "mock", "unplugged", "next attempt", "3 s")
     port.fault, now = None, 12.5
     assert link.poll(now) is LinkState.READY
     assert link.write(b"x", now)
     port.fault, now = Fault.UNPLUGGED, 13.0
     assert not link.write(b"x", now)
     assert link.state is LinkState.DISCONNECTED
-    assert link.message == "mock was lost; next attempt after 0.5 s"
+    assert_names(link.message, "mock", "lost", "next attempt", "0.5 s")
     port.fault, now = None, 13.4
     assert link.poll(now) is LinkState.DISCONNECTED
     now = 13.5
@@ -89,7 +90,8 @@ def test_closing_ends_the_link_until_it_is_polled_again() -> None:
     link.poll(0.0)
     link.close()
     assert not port.is_open
-    assert (link.state, link.message) == (LinkState.DISCONNECTED, "the port is closed")
+    assert link.state is LinkState.DISCONNECTED
+    assert_names(link.message, "port", "closed")
     assert link.poll(0.1) is LinkState.READY
 
 

@@ -1,5 +1,6 @@
 """What is remembered of a board outlives the process, and nothing that another has put there is believed."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import pytest
 
 from tests.decisions import said
 from tests.driver.bench import Bench
+from tests.messages import assert_names
 from tripod_driver.memory import LINE_SIZE, Memory, state_folder
 from tripod_driver.ports.boards import FoundPort
 from tripod_driver.safety import State
@@ -69,7 +71,7 @@ def test_a_damaged_file_is_told_in_one_line_and_made_anew(content: bytes, file: 
     file.write_bytes(content)
     memory = remembering(file.parent)
     assert memory.recall() == (None, False)
-    assert memory.warning.startswith(f"{file} is damaged, so nobody knows where the servos are")
+    assert_names(memory.warning, file, "damaged", "nobody knows", "servos")
     assert "\n" not in memory.warning
     memory.keep(PULSES)
     assert remembering(file.parent).recall() == (PULSES, True)
@@ -115,7 +117,8 @@ def test_what_is_no_file_of_its_own_is_told_and_neither_read_nor_written(make, f
     memory = remembering(file.parent)
     memory.keep(PULSES)
     assert memory.path is None
-    assert memory.warning.startswith(f"{file}: ") and "\n" not in memory.warning
+    assert_names(memory.warning, file)
+    assert "\n" not in memory.warning
     assert memory.recall() == (PULSES, True)  # as long as the process lives
     elsewhere = file.with_name("elsewhere")
     assert not elsewhere.exists() or elsewhere.read_text() == "somebody's"
@@ -125,13 +128,13 @@ def test_a_file_of_another_user_is_not_believed(file: Path, monkeypatch: pytest.
     monkeypatch.setattr(os, "geteuid", lambda: 4242)
     memory = remembering(file.parent)
     assert memory.recall() == (None, False)
-    assert "belongs to user" in memory.warning
+    assert_names(memory.warning, file, f"user {file.stat().st_uid}", 4242)
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("a file")
     memory = remembering(tmp_path / "state" / "tripod")
-    assert "where the servos are is not kept through a crash" in memory.warning
+    assert_names(memory.warning, tmp_path / "state" / "tripod", "servos", "crash")
     memory.keep(PULSES)
     assert memory.recall() == (PULSES, True)
 
@@ -142,11 +145,11 @@ def test_a_file_that_can_no_longer_be_written_is_emptied_so_that_it_tells_nothin
     memory = remembering(file.parent)
 
     def full(*_: object) -> int:
-        raise OSError(28, "No space left on device")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "pwrite", full)
     memory.keep((9000, 9000, 9000))
-    assert "No space left on device" in memory.warning
+    assert_names(memory.warning, file, "No space left")
     monkeypatch.undo()
     assert remembering(file.parent).recall() == (None, False)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.framed_session import FramedSession
 from tripod_driver.memory import LINE_SIZE, Memory
@@ -37,7 +38,7 @@ def test_a_board_with_as_many_servos_gets_a_pulse_for_each(count: int) -> None:
 def test_a_board_with_another_number_is_refused_in_one_line(robot: int, board: int) -> None:
     session, _ = asked(robot, board)
     assert session.state is SessionState.REFUSED
-    assert session.message.startswith(f"its firmware drives {board} servos, the robot has {robot}; ")
+    assert_names(session.message, "firmware", f"{board} servos", f"robot has {robot}")
     assert session.say(5.0) == b""
 
 
@@ -53,7 +54,7 @@ def test_a_driver_of_five_servos_follows_five_joints_and_refuses_three(tmp_path,
     for k in range(20):
         driver.tick(0.02 * k)
     driver.safety.control_mode(Decision(Mode.TELEOP, "me", 100.0, 60.0), 100.0, 0.4)
-    with pytest.raises(ValueError, match="joint 'servo_3' is missing; a command names all of servo_0"):
+    with raises_naming(ValueError, "'servo_3'", "missing", "servo_0, servo_1, servo_2, servo_3, servo_4"):
         driver.safety.trajectory(joint_names(3)[:-1], [0.1], [[-0.1] * 3], 0.4, source="me")
     goal = [-0.05, -0.1, -0.15, -0.2, -0.25]
     driver.safety.trajectory(joint_names(5)[:-1], [0.1], [goal], 0.4, source="me")
@@ -65,9 +66,7 @@ def test_a_driver_of_five_servos_follows_five_joints_and_refuses_three(tmp_path,
 
 @pytest.mark.parametrize("protocol", ["legacy", "ascii", "framed_or_legacy"])
 def test_packets_of_the_workshop_are_for_three(protocol: str) -> None:
-    with pytest.raises(
-        ValueError, match=f"'servos' is 4, but a packet of protocol {protocol} carries 3; choose"
-    ):
+    with raises_naming(ValueError, "'servos'", 4, f"protocol {protocol}", 3, "protocol:=framed"):
         driver_of(servos=4, protocol=protocol)
 
 

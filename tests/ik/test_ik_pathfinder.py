@@ -95,6 +95,7 @@ def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mir
     assert found["left"] == pytest.approx(turned, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_beyond_a_gap_between_sheets_the_closest_pose_is_found_whatever_was_asked_before(between):
     """Slid in by 12 mm the body rests above or below; the sheets of both hang together only near home."""
     home, start = between.model.go_home().equilibrium, between.model.home
@@ -214,6 +215,7 @@ def test_a_way_does_not_lead_over_a_snap_that_its_ends_say_nothing_of():
         start = stop
 
 
+@pytest.mark.slow
 def test_a_way_makes_no_long_detour(between, monkeypatch):
     """12 mm off, from 2 mm higher to 2 mm lower: the sheets hang together near home, the far one is hardly closer."""
     model = between.model

@@ -255,7 +255,7 @@ def test_an_unknown_law_raises_compiled_or_not() -> None:
         mesh.nodes, np.array(mesh.elements), mesh.kind, "neo_hooke", law_vector("neo_hooke", 1.0, 1.0)
     )
     x, modes, lost = np.array(mesh.nodes), solid.rest_modes(), solid.arrays()._replace(law=none)
-    with pytest.raises(ValueError, match="of no elastic law"):
+    with raises_naming(ValueError, "elastic law"):
         solid_gradient(x, modes, lost, np.zeros_like(x))
-    with pytest.raises(ValueError, match="of no elastic law"):
+    with raises_naming(ValueError, "elastic law"):
         calls.tangent(none, np.eye(3), lost.p, False, np.zeros((9, 9)))

@@ -133,7 +133,7 @@ def test_a_weight_that_no_load_steps_bear_is_tried_once(
     with pytest.raises(StepError) as told:
         Simulation(load_scene(SHARP, [*HEAVY, *words]))
     assert tries == [LoadSteps.HALVINGS + 1]
-    assert ("even in parts" in str(told.value)) == ("servos=off" not in words)
+    assert names(told.value, "in parts") == ("servos=off" not in words)
 
 
 @pytest.mark.parametrize("steps", ["fixed", "auto"])
@@ -176,7 +176,7 @@ def test_bad_commands_are_refused_and_change_nothing(joints: list[float], named:
         (SHARP, [np.nan] * 4, ("joints", "nan", "not finite")),
         (SHARP, ["a"] * 4, ("joints are ['a', ", "4 numbers")),
         (SHARP, [[0.0], [0.0, 0.0]], ("joints are [[0.0], [0.0, 0.0]]", "4 numbers")),
-        (SHARP, [10**400] * 4, ("joints are [", "000...", "4 numbers")),
+        (SHARP, [10**400] * 4, ("joints are [", "...", "4 numbers")),
         ("silicone", [0.0], ("no servos",)),
     ],
 )

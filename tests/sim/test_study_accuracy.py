@@ -76,7 +76,7 @@ def test_errors_are_the_worst_row_and_relative_to_the_travel() -> None:
     assert standard(Quantity("x", "m", "", measure="rms"), reference, [rows, rows]).scale == pytest.approx(
         5.0 / math.sqrt(2)
     )
-    with raises_naming(SceneError, "not be compared"):
+    with raises_naming(SceneError, "(2, 6)", "(1, 6)"):
         deviation(rows, rows[:1], "distance")
 
 

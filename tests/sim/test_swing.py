@@ -32,6 +32,7 @@ def way(start: np.ndarray, parts: int = 1) -> list[np.ndarray]:
     return [start + share * np.array([-0.5, 0.0, 0.0, 0.0]) for share in shares]
 
 
+@pytest.mark.slow
 def test_a_swinging_body_errs_by_less_than_both_errors_in_sum_and_as_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
