@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.bringup.console import Script
+from tests.messages import assert_names, names
 from tripod_bringup.calibrate_command import (
     PATIENCE,
     TICK,
@@ -18,6 +19,7 @@ from tripod_bringup.calibrate_command import (
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.calibration_file import read_calibration
 from tripod_driver.calibrator import FINE, HELP, HOLD, PULSE_PAUSE, PULSE_SPEED, PULSE_STEP, SPEED, Calibrator
+from tripod_driver.framed import VERSION
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_teleop.terminal import TerminalError
@@ -63,7 +65,7 @@ def test_nothing_moves_before_g_and_then_one_shaft_at_a_time_slowly(tmp_path: Pa
     keys = {0.2: UP, 0.5: b"g", **held(DOWN, 1.0, 2.0), 4.0: b"2", **held(DOWN, 4.1, 1.0), 6.0: b"q"}
     bench = Bench(tmp_path, keys)
     assert bench.run() == 0
-    assert any("nothing moves yet: g begins" in line for line in bench.console.lines)
+    assert any(names(line, "nothing moves", "g begins") for line in bench.console.lines)
     way = bench.shafts
     assert way[0] == pytest.approx([math.pi] * 3, abs=1e-3)
     steps = np.abs(np.diff(way, axis=0))
@@ -100,7 +102,7 @@ def test_what_the_keys_mark_is_written_and_read_back(tmp_path: Path) -> None:
     }
     bench = Bench(tmp_path, keys)
     assert bench.run() == 0
-    assert bench.console.said[-2] == f"written: {bench.file}; use it: tripod driver calibration:={bench.file}"
+    assert_names(bench.console.said[-2], bench.file, f"tripod driver calibration:={bench.file}")
     found = read_calibration(bench.file)
     assert found.servos[0].offset == pytest.approx(math.radians(160), abs=1e-5)
     assert found.servos[0].safe_range == pytest.approx((-math.radians(50), math.radians(20)), abs=1e-5)
@@ -111,7 +113,7 @@ def test_what_the_keys_mark_is_written_and_read_back(tmp_path: Path) -> None:
 def test_q_asks_before_it_throws_away_what_was_found(tmp_path: Path) -> None:
     bench = Bench(tmp_path, {0.2: b"g", 0.4: b"-", 0.6: b"z", 0.8: b"q", 1.0: b"q"})
     assert bench.run() == 0
-    assert any("not written: w writes, q again leaves" in line for line in bench.console.lines)
+    assert any(names(line, "not written", "w writes", "q again") for line in bench.console.lines)
     assert not bench.file.exists()
 
 
@@ -123,7 +125,7 @@ def test_who_leaves_lets_the_servos_go_slowly_to_where_the_piece_is_flat(tmp_pat
     keys = {0.2: b"g", **turned, 2.0: b"z", **held(DOWN, 2.1, 2.0), 5.0: b"w", 5.1: b"q"}
     bench = Bench(tmp_path, keys)
     assert bench.run() == 0
-    assert bench.console.said[-1] == "the servos are parked"
+    assert_names(bench.console.said[-1], "parked")
     flat = read_calibration(bench.file).servos[0].offset
     assert flat == pytest.approx(math.radians(160), abs=1e-5)
     assert bench.shafts[:, 0].min() < flat - 0.4
@@ -153,12 +155,12 @@ def test_a_terminal_that_is_gone_parks_the_servos(tmp_path: Path, capsys) -> Non
 
     def lost() -> bytes:
         if bench.console.now > 3.0:
-            raise TerminalError("the terminal is gone")
+            raise TerminalError("gone")
         return read()
 
     bench.console.read = lost
     assert bench.run() == 1
-    assert capsys.readouterr().err == "tripod calibrate: the terminal is gone\n"
+    assert capsys.readouterr().err == "tripod calibrate: gone\n"
     assert bench.shafts[:, 0].min() < math.pi - 0.4
     assert bench.shafts[-1] == pytest.approx([math.pi] * 3, abs=1e-3)
     assert not bench.port.is_open
@@ -169,7 +171,8 @@ def test_ctrl_c_before_anything_moved_ends_at_once(tmp_path: Path) -> None:
     stopped = lambda: int(bench.console.now > 1.0)  # noqa: E731
     assert calibrate(bench.session, bench.console.clock, bench.console.sleep, stopped) == 0
     assert "\n".join(bench.console.said).count(HELP) == 2
-    assert bench.console.said[-1] == "nothing was moved" and not bench.board.history
+    assert_names(bench.console.said[-1], "nothing", "moved")
+    assert not bench.board.history
     assert not bench.port.is_open
 
 
@@ -201,7 +204,7 @@ def test_without_a_key_for_long_the_servos_park_and_what_was_found_is_kept(tmp_p
             parked.append(bench.shafts[-1, 0])
 
     assert calibrate(bench.session, bench.console.clock, look) == 0
-    assert "no key for 5 minutes: the servos park; what was found is kept" in bench.console.said
+    assert any(names(said, "no key", "5 minutes", "servos", "kept") for said in bench.console.said)
     flat = read_calibration(bench.file).servos[0].offset
     assert flat < math.pi - 0.5 * FINE
     assert parked == pytest.approx([flat] * len(parked), abs=1e-3)
@@ -210,7 +213,7 @@ def test_without_a_key_for_long_the_servos_park_and_what_was_found_is_kept(tmp_p
 def test_a_board_that_must_not_be_driven_ends_it_with_the_reason(tmp_path: Path) -> None:
     bench = Bench(tmp_path, {}, version=9)
     assert bench.run() == 1
-    assert "its firmware speaks version 9 of the protocol" in bench.console.said[-1]
+    assert_names(bench.console.said[-1], "firmware", "version 9", VERSION, "up to date")
 
 
 def test_a_lost_board_is_told_and_comes_back_without_a_jump(tmp_path: Path) -> None:
@@ -222,7 +225,7 @@ def test_a_lost_board_is_told_and_comes_back_without_a_jump(tmp_path: Path) -> N
         bench.port.fault = Fault.UNPLUGGED if 2.0 < bench.console.now < 3.0 else None
 
     calibrate(bench.session, bench.console.clock, step)
-    assert any(line.startswith("disconnected") and "mock was lost" in line for line in bench.console.lines)
+    assert any(names(line, "disconnected", "mock", "lost") for line in bench.console.lines)
     assert np.abs(np.diff(bench.shafts, axis=0)).max() <= SPEED * 0.03 + 1e-3
 
 
@@ -254,7 +257,7 @@ def test_the_pulse_range_is_found_slowly_and_written(tmp_path: Path) -> None:
     # what was known before stays where it is
     assert found[0].pulse(0.0) == pytest.approx(2400, abs=0.01)
     assert found[0].pulse(found[0].safe_range[0]) == pytest.approx(ServoCalibration().pulse(-2.1), abs=0.01)
-    assert any("180 degrees at 2440 us" in line for line in bench.console.lines)
+    assert any(names(line, "180 degrees", "2440 us") for line in bench.console.lines)
 
 
 def test_a_held_key_moves_slowly_stops_at_the_range_known_and_with_space(tmp_path: Path) -> None:
@@ -281,23 +284,23 @@ def test_no_pulse_is_ever_beyond_what_the_board_tells(tmp_path: Path, key: bytes
     pulses = np.array(bench.board.history)[:, 0] / 10
     assert (pulses.max() if key == b"+" else pulses.min()) == end
     assert np.abs(np.diff(pulses)).max() <= PULSE_STEP
-    said = "the board makes no longer pulse" if key == b"+" else "the board makes no shorter pulse"
-    assert any(said in line for line in bench.console.lines)
+    which = "no longer pulse" if key == b"+" else "no shorter pulse"
+    assert any(names(line, "board", which) for line in bench.console.lines)
 
 
 def test_a_board_that_tells_no_range_lets_none_be_found(tmp_path: Path) -> None:
     bench = Bench(tmp_path, {0.2: b"p", 1.0: b"g", 2.0: b"p", 2.5: b"+", 4.0: b"q"}, protocol="legacy")
     bench.port.board = None
     bench.run()
-    assert any("nothing moves yet: g begins" in line for line in bench.console.lines)
-    assert any("refused: this board does not tell which pulses it makes" in s for s in bench.console.lines)
+    assert any(names(line, "nothing moves", "g begins") for line in bench.console.lines)
+    assert any(names(line, "refused", "board", "protocol framed") for line in bench.console.lines)
     assert not bench.session.calibrator.finds_range
 
 
 def test_a_board_with_a_smaller_range_than_the_known_one_is_refused_unmoved(tmp_path: Path) -> None:
     bench = Bench(tmp_path, {0.2: b"g", 1.0: b"p"}, pulse_range=(6000, 24000))
     assert bench.run() == 1
-    assert "servo_0 needs 544.0 us at 0 rad, the board makes 600 to 2400 us" in bench.console.said[-1]
+    assert_names(bench.console.said[-1], "servo_0", "544.0 us", "0 rad", "600 to 2400 us")
     assert bench.board.history == []
 
 
@@ -314,7 +317,7 @@ def test_a_board_that_comes_back_with_a_smaller_range_makes_no_pulse_beyond_it(t
             before[:] = bench.board.history
 
     assert calibrate(bench.session, bench.console.clock, step) == 1
-    assert "the board refuses the pulse of servo_0 as out of its range" in bench.console.said[-1]
+    assert_names(bench.console.said[-1], "board refuses", "servo_0", "range", "tripod flash")
     assert bench.board.history == before
 
 
@@ -342,7 +345,7 @@ def test_ends_beyond_each_other_are_refused() -> None:
         rule.press("+", 0.0)
     before = rule.calibration()
     rule.press("[", 0.0)
-    assert rule.notice == "refused: that is beyond the other end"
+    assert_names(rule.notice, "refused", "other end")
     assert rule.calibration() == before and not rule.changed
 
 
@@ -377,9 +380,7 @@ def test_a_pulse_range_that_is_no_calibration_is_refused_and_changes_nothing() -
     rule.press("p", 0.0)
     before = rule.calibration()
     rule.press("[", 0.0)  # 0 degrees where 180 are
-    assert (
-        rule.notice == "refused: pulse_range[1] is 2400 us; allowed: at least pulse_range[0] + 200 = 2600 us"
-    )
+    assert_names(rule.notice, "refused", "pulse_range[1]", "2400 us", "pulse_range[0] + 200", "2600 us")
     assert rule.calibration() == before and not rule.changed
     assert not rule.press("z", 0.0)  # means nothing in this step
     assert rule.calibration() == before
@@ -426,7 +427,7 @@ def test_leaving_the_step_beyond_the_range_found_moves_nothing_outward() -> None
     rule.press("+", 7.0)
     assert rule.pulses[0] == 2420.0
     rule.press("z", 8.0)
-    assert rule.notice.startswith("refused: offset is")
+    assert_names(rule.notice, "refused", "offset", "rad")
     rule.press("-", 9.0)
     assert rule.pulses[0] == pytest.approx(2420.0 - FINE * 1856 / math.pi)
 
@@ -441,10 +442,10 @@ def test_what_cannot_begin_is_told_in_one_line(tmp_path: Path, capsys, monkeypat
         assert said.count("\n") == 1 and said.startswith("tripod calibrate: ")
         return said
 
-    assert "port 'ttyUSB0' is none of: mock, pty, auto" in attempt(port="ttyUSB0")
-    assert "protocol 'x' is none of" in attempt(protocol="x")
+    assert_names(attempt(port="ttyUSB0"), "port 'ttyUSB0'", "mock, pty, auto", "/dev/ttyACM0")
+    assert_names(attempt(protocol="x"), "protocol 'x'", "framed", "legacy", "ascii")
     bad = tmp_path / "bad.yaml"
     bad.write_text("servos: 3")
-    assert "bad.yaml: servos is 3; it must be a table" in attempt(file=bad)
+    assert_names(attempt(file=bad), "bad.yaml", "servos is 3", "table")
     monkeypatch.setattr("sys.stdin", None)
-    assert "needs a terminal" in attempt()
+    assert_names(attempt(), "needs", "terminal")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import raises_naming
 from tripod_bringup.lock import (
     DomainBusyError,
     DomainError,
@@ -18,12 +19,12 @@ from tripod_bringup.lock import (
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
-import sys, time
+import sys
 from pathlib import Path
 from tripod_bringup.lock import only_one
 with only_one(7, "/", Path(sys.argv[1])):
     print("held", flush=True)
-    time.sleep(60)
+    sys.stdin.read()
 """
 
 
@@ -34,14 +35,14 @@ def test_domain_is_read_from_the_environment(text: str | None, domain: int) -> N
 
 @pytest.mark.parametrize("text", ["233", "-1", "a", "1.5", "²"])
 def test_a_domain_out_of_range_is_refused_by_its_value(text: str) -> None:
-    with pytest.raises(DomainError, match=r"ROS_DOMAIN_ID is .*0 to 232"):
+    with raises_naming(DomainError, "ROS_DOMAIN_ID", f"'{text}'", "0 to 232"):
         domain_id({"ROS_DOMAIN_ID": text})
 
 
 def test_a_second_holder_is_refused_and_told_the_process_of_the_first(tmp_path: Path) -> None:
     with only_one(7, "/", tmp_path):
-        words = rf"process {os.getpid()}\) runs on ROS domain 7 in namespace /: stop it"
-        with pytest.raises(DomainBusyError, match=words) as caught, only_one(7, "/", tmp_path):
+        named = (f"process {os.getpid()}", "domain 7", "namespace /", "--namespace", "ROS_DOMAIN_ID")
+        with raises_naming(DomainBusyError, *named) as caught, only_one(7, "/", tmp_path):
             pytest.fail("held twice")
         assert caught.value.pid == os.getpid()
         with only_one(8, "/", tmp_path), only_one(7, "/left", tmp_path), only_one(7, "/left/arm", tmp_path):
@@ -53,7 +54,8 @@ def test_a_second_holder_is_refused_and_told_the_process_of_the_first(tmp_path: 
 def test_a_killed_holder_leaves_no_lock(tmp_path: Path) -> None:
     environment = dict(os.environ, PYTHONPATH=str(ROOT))
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as holder:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, text=True, env=environment) as holder:
         try:
             assert holder.stdout is not None and holder.stdout.readline() == "held\n"
             with pytest.raises(DomainBusyError) as caught, only_one(7, "/", tmp_path):

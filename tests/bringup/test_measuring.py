@@ -1,6 +1,7 @@
 """`tripod calibrate --identify` on a robot that is simulated: its board in memory, its poses from the scene."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ import pytest
 import tripod_bringup.measure_command as measure_module
 import tripod_bringup.measuring as measuring_module
 from tests.bringup.console import Script
+from tests.messages import assert_names, line_naming, names, raises_naming
 from tests.scenes import SHARP
 from tripod_bringup.calibrate_command import PATIENCE, calibrate
 from tripod_bringup.measure_command import evaluate, measure_command, zeros_of
@@ -58,7 +60,7 @@ class Human(Script):
 
     def show(self, line: str) -> None:
         super().show(line)
-        if line.rstrip().endswith("Enter:") and self.typed < len(self.heights):
+        if names(line, "[mm]", "Enter") and self.typed < len(self.heights):
             self.keys[self.now] = f"{self.heights[self.typed]}\r".encode()
             self.typed += 1
 
@@ -104,15 +106,15 @@ def test_poses_are_always_the_same(tour: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "count", "said"),
+    ("lower", "upper", "count", "named"),
     [
-        ([-2.1] * 3, [0.0] * 3, FEWEST - 1, "--poses is 7; allowed: 8 to 200"),
-        ([-2.1] * 2, [0.0] * 2, 10, "has 3 servos; the calibration is of 2"),
-        ([-2.1, -0.1, -2.1], [0.0] * 3, 10, "servo_1 may be sent -0.1 to 0 rad"),
+        ([-2.1] * 3, [0.0] * 3, FEWEST - 1, ("--poses", 7, "8 to 200")),
+        ([-2.1] * 2, [0.0] * 2, 10, (f"scene '{SCENE.name}'", "3 servos", "calibration", 2)),
+        ([-2.1, -0.1, -2.1], [0.0] * 3, 10, ("servo_1", "-0.1 to 0 rad", f"{2 * MARGIN:g} rad")),
     ],
 )
-def test_poses_that_cannot_be_are_refused(lower: list, upper: list, count: int, said: str) -> None:
-    with pytest.raises(DataError, match=said):
+def test_poses_that_cannot_be_are_refused(lower: list, upper: list, count: int, named: tuple) -> None:
+    with raises_naming(DataError, *named):
         telling_poses(COARSE, LOOKS["heights"], lower, upper, count)
 
 
@@ -147,7 +149,7 @@ def test_typed_heights_give_the_calibration_that_the_robot_has(
     noise = np.random.default_rng(4).normal(0, 0.1, len(tour))
     bench.human.heights = [f"{table + 1e3 * z + e:.1f}" for z, e in zip(seen(tour)[:, 0], noise, strict=True)]
     assert bench.run() == 0
-    assert bench.human.said[-1] == "the servos are parked"
+    assert_names(bench.human.said[-1], "parked")
     assert not bench.port.is_open
     way = bench.way
     assert np.abs(np.diff(way, axis=0)).max() <= 2 * SPEED * 0.03 + 2e-3
@@ -158,9 +160,10 @@ def test_typed_heights_give_the_calibration_that_the_robot_has(
     where = {"file": tmp_path / "robot.yaml", "out": tmp_path / "robot.toml", "report": None}
     assert evaluate(SCENE, bench.file.path, "heights", KNOWN, **where) == 0
     said, scene = capsys.readouterr().out, (tmp_path / "robot.toml").read_text()
-    assert "servos.zero.0" in said
-    assert "servo_1: offset 0.3000 before, 0.2" in said
-    assert "off its offset" not in said + scene, "it is done already"
+    assert_names(said, "servos.zero.0")
+    told = line_naming(said + scene, "servo_1")  # once: nothing more is to be done to its offset
+    assert_names(told, "offset", "0.3000", "rad")
+    assert min(float(number) for number in re.findall(r"0\.\d{4}", told)) == pytest.approx(0.27, abs=0.02)
     found = read_calibration(tmp_path / "robot.yaml")
     for own, old, zero in zip(found.servos, KNOWN.servos, ZEROS, strict=True):
         # the pulse that the arm needs for an angle: less what it stands beyond the command
@@ -183,9 +186,9 @@ def test_what_was_measured_is_kept_and_gone_on_with(tour: np.ndarray, tmp_path: 
     assert again.done == {0, 1, 2}
     again.keep(3, (7.0,))
     assert bench.file.path.read_text().splitlines()[:5] == lines
-    with pytest.raises(DataError, match="is not of this tour, sensor, calibration, slide and scene"):
+    with raises_naming(DataError, bench.file.path, "another robot", "--data"):
         PoseFile(bench.file.path, tour, COLUMNS, "another robot")
-    with pytest.raises(DataError, match="is no pose of this tour"):
+    with raises_naming(DataError, bench.file.path, "no pose", "--data"):
         PoseFile(bench.file.path, tour + 0.01, COLUMNS, "a robot")
 
 
@@ -213,9 +216,9 @@ def test_space_stops_and_g_goes_on(tour: np.ndarray, tmp_path: Path) -> None:
     )
     bench.human.heights = ["1"]
     assert bench.run() == 0
-    assert any("x does nothing here; ? shows the keys" in line for line in bench.human.lines)
+    assert any(names(line, "x does nothing", "? shows") for line in bench.human.lines)
     assert "\n".join(bench.human.said).count(KEYS) == 2
-    assert any("stopped, g goes on" in line for line in bench.human.lines)
+    assert any(names(line, "stopped", "g goes on") for line in bench.human.lines)
     moved = np.abs(np.diff(bench.way, axis=0)).max(axis=1)
     assert moved.max() <= 2 * SPEED * 0.03 + 2e-3
 
@@ -228,7 +231,7 @@ def test_a_robot_that_nobody_looks_after_parks(
     bench = Bench(tour[8:], HeightSensor(), tmp_path)
     bench.human.patience = 220.0
     assert bench.run() == 0
-    assert "no key for 2 minutes: the servos park" in bench.human.said
+    assert any(names(said, "no key", "2 minutes", "servos") for said in bench.human.said)
     assert 120.0 < bench.human.now < 140.0
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
 
@@ -238,7 +241,7 @@ def test_a_height_that_is_mistyped_is_asked_for_again(tour: np.ndarray, tmp_path
     bench.human.heights = ["1..2", "-123456", "12"]
     assert bench.run() == 0
     for text in ("1..2", "-123456"):
-        assert any(f"{text} is no height, allowed is up to 1000; " in line for line in bench.human.lines)
+        assert any(names(line, text, "no height", "up to 1000") for line in bench.human.lines)
     assert bench.file.path.read_text().splitlines()[2:] == [
         ",".join([*(f"{angle:.6f}" for angle in tour[8]), "12.0000"])
     ]
@@ -251,16 +254,17 @@ def test_poses_that_cannot_be_kept_park_the_servos(tour: np.ndarray, tmp_path: P
     bench.human.heights = ["1"]
     place.rmdir()
     assert bench.run() == 1
-    assert f"tripod calibrate: {bench.file.path}: there is no directory {place}" in bench.human.said
+    *_, why, end = bench.human.said
+    assert_names(why, "tripod calibrate: ", bench.file.path, f"no directory {place}")
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
-    assert bench.human.said[-1] == "the servos are parked"
+    assert_names(end, "parked")
 
 
 def test_nothing_moves_before_g(tour: np.ndarray, tmp_path: Path) -> None:
     bench = Bench(tour, HeightSensor(), tmp_path, {2.0: b"q"})
     assert bench.run() == 0
     assert not bench.board.history
-    assert bench.human.said[-1] == "nothing was moved"
+    assert_names(bench.human.said[-1], "nothing", "moved")
 
 
 def test_ctrl_c_parks_and_a_second_one_ends(tour: np.ndarray, tmp_path: Path) -> None:
@@ -277,7 +281,8 @@ def test_an_imu_is_read_and_a_silent_one_is_told(tour: np.ndarray, tmp_path: Pat
     bench = Bench(tour[:2], ImuSensor(), tmp_path)
     bench.run()
     assert bench.session.code == 1
-    assert any("the board told 0 readings of an IMU within 5 s" in line for line in bench.human.said)
+    silent = ("board", "0 readings", "IMU", "5 s", "--identify heights")
+    assert any(names(line, *silent) for line in bench.human.said)
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
     sensor, line = ImuSensor(), bench.session._link.session
     sensor.begin(10.0)
@@ -309,7 +314,7 @@ def test_a_marker_is_seen_hidden_and_never_seen() -> None:
     sensor.begin(1.0)
     assert [sensor.poll(now, None) for now in (1.0, 1.1, 2.0)] == [None] * 3
     assert all(map(math.isnan, sensor.poll(7.0, None)))
-    with pytest.raises(DataError, match="the camera sees no marker 4x4_50 number 0 in 1 images"):
+    with raises_naming(DataError, "camera", "no marker", "4x4_50", "number 0", "1 images"):
         never = MarkerSensor(Finder([]), lambda: None)
         never.begin(0.0)
         never.poll(6.0, None)
@@ -334,19 +339,19 @@ def test_what_must_not_be_believed_is_not_written(
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "named"),
     [
-        ({"sensor": "ruler"}, "--identify is 'ruler'; allowed: heights, imu, marker"),
-        ({"file": Path("none.yaml")}, "calibration none.yaml: No such file or directory; make it with"),
-        ({"sensor": "marker"}, "--identify marker needs --lens FILE"),
-        ({"scene": "pendulum"}, "scene 'pendulum' has 0 servos; the calibration is of 3"),
-        ({"slide": 0.3}, "servos.slide is 0.3 m; allowed is 0 to 0.04 m"),
-        ({"out": Path("/nowhere/x.toml")}, "there is no directory /nowhere"),
-        ({"overrides": ["mesh.level=1"]}, "it needs a terminal"),
+        ({"sensor": "ruler"}, ("--identify", "'ruler'", "heights, imu, marker")),
+        ({"file": Path("none.yaml")}, ("none.yaml", "No such file", "tripod calibrate")),
+        ({"sensor": "marker"}, ("--identify marker", "--lens FILE")),
+        ({"scene": "pendulum"}, ("scene 'pendulum'", "0 servos", "calibration", 3)),
+        ({"slide": 0.3}, ("servos.slide", "0.3 m", "0 to 0.04 m")),
+        ({"out": Path("/nowhere/x.toml")}, ("no directory /nowhere",)),
+        ({"overrides": ["mesh.level=1"]}, ("needs", "terminal")),
     ],
 )
 def test_what_is_wrong_is_told_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], changed: dict, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changed: dict, named: tuple
 ) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(calibration_text(KNOWN))
@@ -359,32 +364,32 @@ def test_what_is_wrong_is_told_in_a_line(
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("tripod calibrate: ")
-    assert said in lines[0]
+    assert_names(lines[0].removeprefix("tripod calibrate: "), *named)
     assert file.read_text() == calibration_text(KNOWN)
     assert not list(tmp_path.glob("*.csv"))
 
 
 def test_a_zero_that_no_horn_has_is_not_written() -> None:
-    with pytest.raises(CalibrationError, match=r"servo_0: offset is 3\.2 rad.*set its horn one tooth over"):
+    with raises_naming(CalibrationError, "servo_0", "offset", "3.2 rad", "one tooth"):
         Calibration((ServoCalibration(3.1, 1, safe_range=(-2.0, 0.0)),) * 3).turned([-0.1, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(
-    ("zeros", "explained", "said"),
+    ("zeros", "explained", "named"),
     [
-        ({0: 0.1, 2: -0.2}, False, "the model does not explain these poses"),
-        ({}, True, "these poses tell no servo's zero"),
-        ({1: -0.36}, True, "servo_1 would stand -0.36 rad beyond its command"),
+        ({0: 0.1, 2: -0.2}, False, ("model", "not explain")),
+        ({}, True, ("no servo's zero", "--poses")),
+        ({1: -0.36}, True, ("servo_1", "-0.36 rad", "0.35 rad", "tripod calibrate")),
     ],
 )
-def test_zeros_that_must_not_be_believed(zeros: dict, explained: bool, said: str) -> None:
-    names = {i: SimpleNamespace(name=f"servos.zero.{i}") for i in range(3)}
+def test_zeros_that_must_not_be_believed(zeros: dict, explained: bool, named: tuple) -> None:
+    zero_of = {i: SimpleNamespace(name=f"servos.zero.{i}") for i in range(3)}
     result = SimpleNamespace(
         left=SimpleNamespace(explained=explained),
-        found=[SimpleNamespace(parameter=names[i], true=zero) for i, zero in zeros.items()],
+        found=[SimpleNamespace(parameter=zero_of[i], true=zero) for i, zero in zeros.items()],
         told=SimpleNamespace(zero=np.zeros(3)),
     )
-    with pytest.raises(FitError, match=f"{said}.*the calibration stays"):
+    with raises_naming(FitError, *named, "calibration stays"):
         zeros_of(result)
     if zeros and not explained:
         result.left.explained = True

@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,8 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from tests.bringup import toy_study
+from tests.bringup.processes import DEADLINE, alive, wait_until
+from tests.messages import assert_names, line_naming, lines_naming
 from tripod_bringup import study_command
 from tripod_bringup.cli import app
 from tripod_bringup.study_plot import draw
@@ -53,8 +54,15 @@ def test_a_store_keeps_what_was_added_and_cuts_a_torn_line_off(tmp_path: Path) -
         assert not store.records
 
 
-def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path) -> None:
-    made = toy_study.make(ends=toy_study.ENDS, steps=(0.4,), limit=4.0)
+def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = toy_study.make(ends=toy_study.ENDS, steps=(0.4,), limit=0.5)
+    measure = Worker.measure
+
+    def patient(worker: Worker, module: str, settings: Any, limit: float) -> dict[str, Any]:
+        """Let the others take what a loaded machine needs to start a process."""
+        return measure(worker, module, settings, limit if settings["end"] == "hang" else 5 * DEADLINE)
+
+    monkeypatch.setattr(Worker, "measure", patient)
     with Store(tmp_path / "toy.jsonl") as store:
         records = run_plan(made, store, local(2))
     found = {p.settings["end"]: records[made.key(p.settings)] for p in made.points if p.settings["dt"] == 0.4}
@@ -67,10 +75,10 @@ def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path) -> None:
         "kill": "crashed",
         "hang": "time limit",
     }
-    assert found["exit"]["message"] == "the process ended with code 3"
-    assert found["kill"]["message"] == "the process ended with code -9"
-    assert found["hang"]["message"] == "given up after 4 s"
-    assert found["diverge"]["message"] == "element 7 is inverted"
+    assert_names(found["exit"]["message"], "process", "code 3")
+    assert_names(found["kill"]["message"], "process", "code -9")
+    assert_names(found["hang"]["message"], "given up", "0.5 s")
+    assert found["diverge"]["message"] == "element 7 is inverted", "in one line"
     assert found["ok"]["calibration"] > 0
 
 
@@ -172,10 +180,8 @@ def test_what_other_code_of_a_cluster_measures_is_refused(tmp_path: Path) -> Non
     with Store(tmp_path / "toy.jsonl") as store:
         records = run_plan(made, store, elsewhere)
         assert {r["status"] for r in records.values()} == {"crashed"}
-        assert (
-            "measured by other code, 0123456789abcdef; here it is"
-            in records[made.key(made.default)]["message"]
-        )
+        why = records[made.key(made.default)]["message"]
+        assert_names(why, "other code", "0123456789abcdef", fingerprint(made.module))
         assert {r["status"] for r in run_plan(made, store, local(1)).values()} == {"ok"}
 
 
@@ -200,24 +206,27 @@ from pathlib import Path
 from tests.bringup import toy_study
 from tripod_bringup.study_run import local, run_plan
 from tripod_bringup.study_store import Store
-made = toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), pause=0.15, log=sys.argv[2])
+made = toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), gate=sys.argv[2], log=sys.argv[3])
 with Store(Path(sys.argv[1])) as store:
     run_plan(made, store, local(2))
 """
 
 
 def test_kill_9_loses_no_finished_point(tmp_path: Path) -> None:
-    path, log = tmp_path / "toy.jsonl", tmp_path / "log"
-    child = subprocess.Popen([sys.executable, "-c", KILLED, str(path), str(log)], cwd=ROOT)
-    end = time.monotonic() + 60
-    while len(lines(path)) < 5 and time.monotonic() < end:
-        time.sleep(0.01)
-    child.kill()
-    child.wait()
+    path, gate, log = tmp_path / "toy.jsonl", tmp_path / "gate", tmp_path / "log"
+    child = subprocess.Popen([sys.executable, "-c", KILLED, str(path), str(gate), str(log)], cwd=ROOT)
+    try:
+        assert wait_until(
+            lambda: (len(lines(path)), len(toy_study.waiting(gate))) == (toy_study.BEFORE_GATE, 2)
+        )
+    finally:
+        child.kill()
+        child.wait()
     kept = [json.loads(line) for line in path.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
-    made = toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), pause=0.15, log=str(log))
-    assert 5 <= len(kept) < 14
-    time.sleep(1.0)  # its workers end with their input
+    assert len(kept) == toy_study.BEFORE_GATE
+    assert wait_until(lambda: not any(map(alive, toy_study.waiting(gate)))), "its workers end with it"
+    (gate / "open").touch()
+    made = toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), gate=str(gate), log=str(log))
     before = len(lines(log))
     with Store(path) as store:
         assert len(store.records) == len(kept)
@@ -255,9 +264,10 @@ def test_a_worker_is_started_again_after_it_was_stopped() -> None:
     worker = Worker()
     settings = dict(toy_study.DEFAULT)
     try:
-        first = worker.measure("tests.bringup.toy_study", settings, 20.0)
+        first = worker.measure("tests.bringup.toy_study", settings, DEADLINE)
         worker.stop()
-        assert worker.measure("tests.bringup.toy_study", settings, 20.0)["observed"] == first["observed"]
+        again = worker.measure("tests.bringup.toy_study", settings, DEADLINE)
+        assert (again["status"], again["observed"]) == ("ok", first["observed"])
     finally:
         worker.stop()
 
@@ -275,23 +285,21 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
     words = ["study", "toy", "--out", str(tmp_path / "out"), "--jobs", "2"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
-    assert "order in dt: 2.00" in done.stdout
-    assert "its own error, estimated: 0.01 %" in done.stdout
+    line_naming(done.stdout, "order", "dt", "2.00")
+    line_naming(done.stdout, "reference", "own error", "0.01 %")
     table = list(csv.DictReader((tmp_path / "out" / "toy.csv").open(newline="")))
     result = json.loads((tmp_path / "out" / "toy.json").read_text())
     assert [float(row["error"]) for row in table] == [p["error"] for p in result["points"]]
     assert [row["fastest_within"] for row in table] == ["", "10%; 5%", ""]
     assert (tmp_path / "out" / "toy.png").read_bytes()[:4] == b"\x89PNG"
     assert result["versions"]["code"] == fingerprint("tests.bringup.toy_study")
-    assert "other code" not in done.stderr
+    assert not lines_naming(done.stderr, "tripod study: "), "nothing of other code"
     again = CliRunner().invoke(app, [*words, "--json"])
     assert json.loads(again.stdout)["accuracy"]["toy"] == result
     points = tmp_path / "out" / "toy.jsonl"
     with_other_code(points, {json.loads(lines(points)[0])["key"]}, "0123456789abcdef")
-    said = CliRunner().invoke(app, [*words, "--quiet"]).stderr.splitlines()
-    assert said == [
-        f"tripod study: toy: points in {tmp_path / 'out'} of other code: 1; they are measured again"
-    ]
+    (told,) = CliRunner().invoke(app, [*words, "--quiet"]).stderr.splitlines()
+    assert_names(told, "tripod study: ", "toy", tmp_path / "out", "other code", 1, "again")
 
 
 def test_after_the_study_of_an_own_scene_the_command_that_uses_it_is_told(tmp_path: Path) -> None:
@@ -306,11 +314,11 @@ def test_after_the_study_of_an_own_scene_the_command_that_uses_it_is_told(tmp_pa
     words = ["study", str(scene), "--quick", "--out", str(tmp_path / "out")]
     done = CliRunner().invoke(app, words)
     files, following = done.stderr.splitlines()[-2:]
-    assert files == f"files: {tmp_path / 'out' / 'swing'}: .json, .csv, .png; points: .jsonl"
-    assert following.startswith("next: tripod run ")
-    run = CliRunner().invoke(app, shlex.split(following)[2:])
+    assert_names(files, tmp_path / "out" / "swing", ".json", ".csv", ".png", ".jsonl")
+    assert_names(following, "tripod run")
+    run = CliRunner().invoke(app, shlex.split(following.partition("tripod ")[2]))
     assert run.exit_code == 0, run.stderr
-    assert "(study swing)" in run.stdout + run.stderr
+    assert lines_naming(run.stdout + run.stderr, "study swing")
 
 
 def test_the_picture_names_the_fastest_and_what_none_reaches(
@@ -322,11 +330,13 @@ def test_the_picture_names_the_fastest_and_what_none_reaches(
     result["points"][0]["label"] = "the default"
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
     draw(result, tmp_path / "toy.png")
-    names = [text.get_text() for text in drawn[0].legends[0].get_texts()]
-    assert names == ["ok", "front", "fastest within 10, 5 %: dt 0.2", "none is surely within 1, 0.1 %"]
+    ok, front, fastest, none = (text.get_text() for text in drawn[0].legends[0].get_texts())
+    assert (ok, front) == ("ok", "front")
+    assert_names(fastest, "fastest", "10, 5 %", "dt 0.2")
+    assert_names(none, "none", "1, 0.1 %")
     axes = drawn[0].axes[0]
     assert {text.get_text() for text in axes.texts} == {"10, 5 %", "the default"}
-    ring = next(line for line in axes.lines if str(line.get_label()).startswith("fastest"))
+    ring = next(line for line in axes.lines if line.get_label() == fastest)
     best = result["points"][result["cheapest"]["5%"]]
     assert ring.get_xydata().tolist() == [[best["cpu"], pytest.approx(100 * best["error"])]]
 
@@ -341,10 +351,8 @@ def test_a_second_study_in_the_same_folder_is_refused(words: list[str], tmp_path
         done = CliRunner().invoke(app, command)
         store.add("b", {"status": "ok"})
     assert done.exit_code == 2
-    assert done.stderr.splitlines() == [
-        f"tripod study: another `tripod study` adds to '{path}': wait until it has ended, stop it, or name another "
-        "folder by --out"
-    ]
+    (told,) = done.stderr.splitlines()
+    assert_names(told, "tripod study: ", "another `tripod study`", f"'{path}'", "--out")
     assert [json.loads(line)["key"] for line in lines(path)] == ["a", "b"]
     assert CliRunner().invoke(app, command).exit_code == 0
 
@@ -356,35 +364,29 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
     )
     done = CliRunner().invoke(app, ["study", "toy", "--out", str(tmp_path)])
     assert done.exit_code == 1
-    assert "the reference 'reference' is missing: diverged" in done.stderr
+    line_naming(done.stderr, "tripod study: ", "reference 'reference'", "diverged")
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (["nonsense"], "study 'nonsense' is unknown; studies: pendulum, cloth"),
-        ([], "give one scene or --all"),
-        (["pendulum", "--all"], "give one scene or --all"),
-        (["cloth", "--part", "report"], "there is no report of 'cloth'; reports: pendulum, drape"),
-        (["mine.toml", "--part", "report"], "there is no report of 'mine.toml'; reports: pendulum, drape"),
-        (["cloth", "--part", "some"], "--part is 'some'; allowed: both, accuracy, report"),
-        (
-            ["drape", "--part", "report", "--knobs", "dt"],
-            "--knobs dt chooses points of accuracy, and --part report makes none: leave one out",
-        ),
-        (["cloth", "--quick", "--knobs", "dt,speed"], "knob 'speed' is unknown; knobs: dt, linear"),
-        (
-            ["cloth", "--quick", "--knobs", "tolerance"],
-            "varies these alone; try without --quick, or --knobs scheme",
-        ),
-        (["cloth", "--scheduler", "here"], "--scheduler is 'here'; it must be tcp://HOST:PORT"),
-        (["cloth", "--out", "/proc/no/such"], "--out: '/proc/no' cannot be written: No such file"),
+        (["nonsense"], ("study 'nonsense'", "pendulum, cloth")),
+        ([], ("scene", "--all")),
+        (["pendulum", "--all"], ("scene", "--all")),
+        (["cloth", "--part", "report"], ("no report", "'cloth'", "pendulum, drape")),
+        (["mine.toml", "--part", "report"], ("no report", "'mine.toml'", "pendulum, drape")),
+        (["cloth", "--part", "some"], ("--part", "'some'", "both, accuracy, report")),
+        (["drape", "--part", "report", "--knobs", "dt"], ("--knobs dt", "--part report")),
+        (["cloth", "--quick", "--knobs", "dt,speed"], ("'speed'", "dt, linear")),
+        (["cloth", "--quick", "--knobs", "tolerance"], ("--knobs tolerance", "--quick", "--knobs scheme")),
+        (["cloth", "--scheduler", "here"], ("--scheduler", "'here'", "tcp://HOST:PORT")),
+        (["cloth", "--out", "/proc/no/such"], ("--out", "'/proc/no'", "No such file")),
     ],
 )
-def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], named: tuple[str, ...]) -> None:
     done = CliRunner().invoke(app, ["study", *words])
     assert done.exit_code == 2
-    assert message in done.stderr
+    assert_names(done.stderr, "tripod study: ", *named)
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -395,7 +397,8 @@ def test_without_dask_a_scheduler_is_refused_in_one_line(
     words = ["study", "cloth", "--quick", "--scheduler", "tcp://127.0.0.1:1", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 2
-    assert done.stderr.strip() == "tripod study: --scheduler needs Dask: pip install 'tripod[cluster]'"
+    (told,) = done.stderr.splitlines()
+    assert_names(told, "tripod study: ", "--scheduler", "Dask", "pip install 'tripod[cluster]'")
 
 
 INTERRUPTED = """
@@ -403,27 +406,30 @@ import sys
 from tests.bringup import toy_study
 from tripod_bringup import study_plans
 study_plans.PLANS["toy"] = "tests.bringup.toy_study"
-toy_study.plan = lambda quick: toy_study.make(steps=tuple(0.01 * k for k in range(3, 60)), pause=0.15)
+_, out, gate = sys.argv
+toy_study.plan = lambda quick: toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), gate=gate)
 from tripod_bringup.cli import main
-sys.argv = ["tripod", "study", "toy", "--jobs", "2", "--out", sys.argv[1]]
+sys.argv = ["tripod", "study", "toy", "--jobs", "2", "--out", out]
 main()
 """
 
 
 def test_ctrl_c_ends_with_130_and_one_line(tmp_path: Path) -> None:
-    child = subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTED, str(tmp_path)], cwd=ROOT, stderr=subprocess.PIPE, text=True
-    )
-    end = time.monotonic() + 60
-    while len(lines(tmp_path / "toy.jsonl")) < 3 and time.monotonic() < end:
-        time.sleep(0.01)
-    child.send_signal(signal.SIGINT)
-    _, said = child.communicate(timeout=20)
+    out, gate = tmp_path / "out", tmp_path / "gate"
+    words = [sys.executable, "-c", INTERRUPTED, str(out), str(gate)]
+    with subprocess.Popen(words, cwd=ROOT, stderr=subprocess.PIPE, text=True) as child:
+        try:
+            assert wait_until(lambda: len(toy_study.waiting(gate)) == 2)
+            assert wait_until(lambda: len(lines(out / "toy.jsonl")) == toy_study.BEFORE_GATE)
+            child.send_signal(signal.SIGINT)
+            _, said = child.communicate(timeout=DEADLINE)
+        finally:
+            child.kill()
     assert child.returncode == 130
-    assert said.splitlines() == [
-        f"tripod study: interrupted; what is done is kept in {tmp_path}, the same command goes on"
-    ]
-    assert len(lines(tmp_path / "toy.jsonl")) >= 3
+    (told,) = said.splitlines()
+    assert_names(told, "tripod study: ", "interrupted", out, "same command")
+    assert len(lines(out / "toy.jsonl")) == toy_study.BEFORE_GATE
+    assert wait_until(lambda: not any(map(alive, toy_study.waiting(gate)))), "its workers end with it"
 
 
 @pytest.mark.usefixtures("toy")
@@ -432,7 +438,8 @@ def test_the_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["study", "toy", "--out", str(tmp_path)])
     assert done.exit_code == 2
     path = tmp_path / "toy.jsonl"
-    assert done.stderr.strip() == f"tripod study: --out: '{path}' cannot be written: Is a directory"
+    (told,) = done.stderr.splitlines()
+    assert_names(told, "tripod study: ", "--out", f"'{path}'", "Is a directory")
 
 
 LEFT = """
@@ -454,7 +461,7 @@ def test_a_reader_that_leaves_is_not_blamed_on_the_folder(tmp_path: Path) -> Non
     assert child.stdout and child.stderr
     child.stdout.close()
     said = child.stderr.read()
-    assert child.wait(timeout=30) == 141
+    assert child.wait(timeout=DEADLINE) == 141
     assert said == ""
     assert (tmp_path / "toy.json").exists()
 

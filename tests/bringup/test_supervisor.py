@@ -5,21 +5,19 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
+from tests.bringup.processes import DEADLINE, alive, wait_until
 from tests.messages import assert_names, names
 from tripod_bringup.process import ProcessSpec
 from tripod_bringup.supervisor import KILLED_BY_USER, Ending, Supervisor
 from tripod_host.stop import Asked
 
 HERE = Path(__file__).parent
-DEADLINE = 120.0
-"""For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 
 @pytest.fixture(autouse=True)
@@ -55,24 +53,6 @@ def log(tmp_path: Path) -> Log:
 def spec(log: Log, name: str, *options: str, code: int = 1, **more: object) -> ProcessSpec:
     more.setdefault("ready", lambda: log.has(f"started {name}"))
     return ProcessSpec(name, "fake_child", [name, str(log.path), *options], code, **more)  # type: ignore[arg-type]
-
-
-def alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    stat = Path(f"/proc/{pid}/stat").read_text()
-    return stat.rpartition(")")[2].split()[0] != "Z"
-
-
-def wait_until(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + DEADLINE
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 def interrupt_when(condition: Callable[[], bool], number: int = signal.SIGINT) -> threading.Thread:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.messages import assert_names
 from tripod_bringup import cli, node_command, up_command
 from tripod_bringup.run_command import _tell_note
 from tripod_sim.errors import SceneError, StepError
@@ -97,8 +98,8 @@ def test_run_tells_what_is_odd_of_a_scene_that_cannot_begin() -> None:
     odd = ["mesh.level=1", "mesh.cells=[2,2,2]", "solver.tolerance=1e-14"]
     result = tripod("run", "silicone", *(word for text in odd for word in ("--set", text)))
     note, error = result.stderr.splitlines()
-    assert note == "tripod run: note: mesh.cells: without effect where mesh.source is 'y_piece'"
-    assert error.startswith("tripod run: step 1 at 0 s cannot be saved")
+    assert_names(note, "tripod run: note: ", "mesh.cells", "mesh.source", "'y_piece'")
+    assert_names(error, "tripod run: ", "step 1", "0 s", "solver.tolerance", "1e-14 N")
     assert result.exit_code == 1
 
 
@@ -113,20 +114,23 @@ def test_run_prints_one_json_object_that_any_reader_takes(fake_run: FakeRun) -> 
 
 def test_run_prints_a_table_for_people_and_nothing_when_quiet(fake_run: FakeRun) -> None:
     fake_run.result["residual"] = 2e-5
-    lines = tripod("run", "tripod").stdout.splitlines()
-    assert [re.split("  +", line) for line in lines] == [
-        ["scene", "tripod"],
-        ["time", "1 s, 200 steps of 5 ms"],
-        ["effector", "1.000, 0.000, -8.250 mm"],
-        ["effector turned", "0.00 degrees"],
-        ["angles", "-45.00, -45.00, -45.00 degrees"],
-        ["slide", "35.00 mm"],
-        ["torques", "-0.1400, -0.1400, -0.1400 N m"],
-        ["energies", "kinetic 0.000, strain 695.900 mJ"],
-        ["residual", "2e-05 N"],
-        ["solved by", "321 Newton iterations"],
-        ["step took", "0.500 ms median, 1.250 ms p99; 10 times real time"],
-    ]
+    table = [re.split("  +", line) for line in tripod("run", "tripod").stdout.splitlines()]
+    expected = {
+        "scene": ["tripod"],
+        "time": ["1 s", "200 steps", "5 ms"],
+        "effector": ["1.000, 0.000, -8.250 mm"],
+        "effector turned": ["0.00 degrees"],
+        "angles": ["-45.00, -45.00, -45.00 degrees"],
+        "slide": ["35.00 mm"],
+        "torques": ["-0.1400, -0.1400, -0.1400 N m"],
+        "energies": ["kinetic 0.000", "strain 695.900 mJ"],
+        "residual": ["2e-05 N"],
+        "solved by": ["321 Newton iterations"],
+        "step took": ["0.500 ms median", "1.250 ms p99", "10 times real time"],
+    }
+    assert [name for name, _ in table] == list(expected)
+    for name, value in table:
+        assert_names(value, *expected[name])
     assert tripod("run", "tripod", "--quiet").output == ""
 
 
@@ -142,11 +146,11 @@ def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
                "cut": 0.0}  # fmt: skip
     fake_run.result.update(effector=None, angles=[], torques=[], rigid=[body], contact=contact)
     lines = tripod("run", "stack").stdout.splitlines()
-    assert [re.split("  +", line) for line in lines][2:5] == [
-        ["rigid.0", "100.000, 0.000, 51.234 mm, turned 90.00 degrees"],
-        ["contacts", "8 of 12 pressed, normal forces 17.66 N in sum"],
-        ["gaps", "smallest -0.001 mm beyond the contact distance; error 0.00025 mm after 3 rounds"],
-    ]
+    rigid, contacts, gaps = (re.split("  +", line) for line in lines[2:5])
+    assert (rigid[0], contacts[0], gaps[0]) == ("rigid.0", "contacts", "gaps")
+    assert_names(rigid[1], "100.000, 0.000, 51.234 mm", "turned 90.00 degrees")
+    assert_names(contacts[1], "8 of 12", "17.66 N")
+    assert_names(gaps[1], "-0.001 mm", "error 0.00025 mm", "3 rounds")
 
 
 @pytest.mark.parametrize(
@@ -183,7 +187,7 @@ def test_a_word_that_is_unknown_is_refused_with_a_suggestion(words: list[str], s
 def test_an_option_of_the_wrong_type_is_refused_by_name() -> None:
     result = tripod("run", "tripod", "--duration", "soon")
     assert result.exit_code == 2
-    assert "--duration" in result.stderr and "number" in result.stderr
+    assert_names(result.stderr, "--duration", "number")
 
 
 @pytest.mark.parametrize(
@@ -239,7 +243,7 @@ def test_a_node_command_refuses_what_the_node_does_not_know(monkeypatch: pytest.
     calls = fake_node(monkeypatch, "driver")
     result = tripod("driver", "prot:=mock")
     assert result.exit_code == 2
-    assert "did you mean 'port'" in result.stderr
+    assert_names(result.stderr, "'prot'", "'port'")
     assert tripod("driver", "port").exit_code == 2
     assert calls == []
 
@@ -300,33 +304,33 @@ def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (["--scene", "tirpod"], "tripod"),
-        (["--duration", "nan"], "--duration"),
-        (["--duration", "inf"], "--duration"),
-        (["drvier.rate:=1"], "did you mean 'driver'"),
-        (["driver.angle_mx:=3"], "did you mean 'angle_max'"),
-        (["record.max_size:=5"], "record does not run; add --record DIR"),
-        (["--port", "com1"], "driver: port 'com1' is none of: mock, pty, auto"),
-        (["driver.calibration:=gone.yaml"], "driver: calibration gone.yaml: No such file"),
-        (["cross", "driver.start:=[0, 0, 0]"], "driver: parameter 'start' has 3 values; it needs 4"),
-        (["ik.weights:=[1]"], "ik: parameter 'weights' has 1 values; it needs 3: x, y, z"),
-        (["ik.scene:=gone"], "ik: scene 'gone' is unknown"),
-        (["ik.posterior:=gone"], "ik: parameter 'posterior': gone cannot be read"),
-        (["sim.accuracy:=much"], "sim: --accuracy is 'much'"),
-        (["sim.study:=gone"], "sim: study 'gone' cannot be read"),
-        (["view.target_low:=[1, 0, 0]"], "view: parameter target"),
-        (["--view-port", "70000"], "--view-port"),
-        (["--namespace", "9left"], "namespace '9left' is no name; allowed: parts of letters"),
+        (["--scene", "tirpod"], ["'tirpod'", "'tripod'"]),
+        (["--duration", "nan"], ["--duration"]),
+        (["--duration", "inf"], ["--duration"]),
+        (["drvier.rate:=1"], ["'drvier'", "'driver'"]),
+        (["driver.angle_mx:=3"], ["'angle_mx'", "'angle_max'"]),
+        (["record.max_size:=5"], ["record.max_size", "--record DIR"]),
+        (["--port", "com1"], ["driver", "port 'com1'", "mock, pty, auto", "/dev/ttyACM0"]),
+        (["driver.calibration:=gone.yaml"], ["driver", "gone.yaml", "No such file", "tripod calibrate"]),
+        (["cross", "driver.start:=[0, 0, 0]"], ["driver", "'start'", "3 values", 4]),
+        (["ik.weights:=[1]"], ["ik", "'weights'", "1 values", 3, "x, y, z"]),
+        (["ik.scene:=gone"], ["ik", "scene 'gone'", ".toml"]),
+        (["ik.posterior:=gone"], ["ik", "'posterior'", "gone", "No such file"]),
+        (["sim.accuracy:=much"], ["sim", "accuracy", "'much'"]),
+        (["sim.study:=gone"], ["sim", "study 'gone'", "No such file"]),
+        (["view.target_low:=[1, 0, 0]"], ["view", "target_low", "[1.0, 0.0, 0.0]", "target_high"]),
+        (["--view-port", "70000"], ["--view-port", 65535]),
+        (["--namespace", "9left"], ["namespace '9left'", "letters, digits and _"]),
     ],
 )
 def test_up_refuses_bad_arguments_before_it_does_anything(
-    options: list[Any], words: list[str], message: str
+    options: list[Any], words: list[str], named: list[object]
 ) -> None:
     result = tripod("up", *words)
     assert result.exit_code == 2
-    assert message in result.stderr
+    assert_names(result.stderr, *named)
     assert options == []
 
 
@@ -388,10 +392,11 @@ def test_a_record_directory_that_cannot_be_written_stops_up_before_anything_star
     words = ["up", "--record", "/proc/none", "--no-view"]
     more = {"XDG_RUNTIME_DIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
     done = subprocess.run(
-        command(*words), env=environment(**more), capture_output=True, text=True, timeout=30, check=False
+        command(*words), env=environment(**more), capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 2
-    assert done.stderr.startswith("tripod up: cannot record into /proc/none") and done.stderr.count("\n") == 1
+    assert done.stderr.count("\n") == 1
+    assert_names(done.stderr, "tripod up: ", "record", "/proc/none")
 
 
 def test_a_second_up_on_the_domain_is_refused_with_the_process_of_the_first(tmp_path: Path) -> None:
@@ -400,10 +405,10 @@ def test_a_second_up_on_the_domain_is_refused_with_the_process_of_the_first(tmp_
     more = {"XDG_RUNTIME_DIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
     with only_one(99, "/", tmp_path):
         done = subprocess.run(
-            command("up"), env=environment(**more), capture_output=True, text=True, timeout=30, check=False
+            command("up"), env=environment(**more), capture_output=True, text=True, timeout=300, check=False
         )
     assert done.returncode == 3
-    assert f"process {os.getpid()}" in done.stderr and "domain 99" in done.stderr
+    assert_names(done.stderr, f"process {os.getpid()}", "domain 99")
 
 
 def test_progress_is_drawn_only_in_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,10 +6,10 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections import defaultdict
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +19,10 @@ import numpy as np
 from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 
+from tests.bringup.processes import DEADLINE, wait_until
 from tests.domains import own_domain
+from tests.messages import assert_names, line_naming
+from tripod_bringup.demo_summary import NOT_MEASURED
 from tripod_bringup.demo_target import DemoTarget
 from tripod_graph import names
 from tripod_graph.mode import NONE, Mode
@@ -79,13 +82,21 @@ class Session:
 
     def __init__(self, code: int, out: str, err: str) -> None:
         self.code, self.out, self.err = code, out, err
-        self.summary = dict(
-            parts
-            for line in out.splitlines()
-            if len(parts := re.split(r"  +", line.strip(), maxsplit=1)) == 2
-        )
         match = re.search(r"^recording (\S.*)$", out, re.MULTILINE)
         self.recording = Path(match[1].strip()) if match else Path("none")
+
+    def summary(self, *what: str) -> str:
+        """Return the cell of the closing table whose row names `what`."""
+        table = [line for line in self.out.splitlines() if re.search(r"\S  +\S", line)]
+        return re.split(r"  +", line_naming("\n".join(table), *what).strip(), maxsplit=1)[1]
+
+    def heard(self, topic: str) -> list[tuple[int, Any]]:
+        """Return time stamp [ns] and message of all that was recorded of a topic."""
+        with AnyReader([self.recording.parent]) as reader:
+            wanted = [c for c in reader.connections if c.topic == f"/{topic}"]
+            found = [(t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages(wanted)]
+        assert found, topic
+        return found
 
 
 @pytest.fixture(scope="module")
@@ -96,10 +107,10 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     with own_domain() as domain:
         process = start(*words, directory=directory, domain=domain)
         try:
-            out, err = process.communicate(timeout=240)
+            out, err = process.communicate(timeout=5 * DEADLINE)
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGTERM)
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=DEADLINE)
             pytest.fail(f"the demo did not end:\n{out}\n{err}")
     played = Session(process.returncode, out, err)
     played.recording = directory / played.recording
@@ -163,14 +174,18 @@ def error_allowed(session: Session) -> float:
 @pytest.mark.ros
 def test_the_demo_ends_well_and_tells_every_figure(session: Session) -> None:
     assert session.code == 0, f"{session.out}\n{session.err}"
-    summary = session.summary
-    assert "not measured" not in session.out
-    assert 0.2 < figure(summary["real-time factor, median"]) < 1.2
-    assert 0 < figure(summary["step time, median"]) <= figure(summary["step time, p99 (median of seconds)"])
-    assert figure(summary["simulated effector off the moving target, rms"]) * 1e-3 < error_allowed(session)
-    assert figure(summary["packets sent"]) > 10 * TRACK
-    assert figure(summary["body states received"]) > 10 * TRACK
-    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}", summary["page"])
+    assert NOT_MEASURED not in session.out
+    factors = [status.real_time_factor for _, status in session.heard(names.SIM_STATUS)]
+    factor = figure(session.summary("real-time factor"))
+    assert min(factors) - 0.01 < factor < min(max(factors) + 0.01, 1.2)
+    assert 0 < figure(session.summary("step time, median")) <= figure(session.summary("step time, p99"))
+    assert figure(session.summary("effector", "target", "rms")) * 1e-3 < error_allowed(session)
+    sent = sorted({status.packets_sent for _, status in session.heard(names.ROBOT_STATUS)})
+    assert figure(session.summary("packets sent")) in {
+        after - before for before, after in combinations(sent, 2)
+    }
+    assert figure(session.summary("body states")) > 0
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}", session.summary("page"))
 
 
 @pytest.mark.ros
@@ -193,9 +208,10 @@ def test_the_recording_holds_every_topic_in_order(session: Session) -> None:
                 stamps[connection.topic].append(stamp.sec * 10**9 + stamp.nanosec)
     assert present >= TOPICS
     assert not present & {f"/{names.MARKERS}", f"/{names.POINT_CLOUD}"}
-    assert f"{sum(counts.values())} messages" in session.summary["recording"]
+    assert_names(session.summary("recording", "messages"), f"{sum(counts.values())} messages")
     for topic, rate in ((names.TARGET_POSE, 25), (names.BODY_STATE, 10), (names.SIM_STATUS, 5)):
-        assert counts[f"/{topic}"] > rate * TRACK, topic
+        # the usual time between two: a machine that holds all up for a while leaves out many, and does not change it
+        assert np.median(np.diff(stamps[f"/{topic}"])) < 1e9 / rate, topic
     for topic, values in stamps.items():
         if topic != f"/{names.JOINT_TRAJECTORY}":  # whose stamp 0 means "now"
             assert values == sorted(values), f"{topic}: a stamp goes back in time"
@@ -222,7 +238,7 @@ def test_the_file_itself_is_in_the_order_of_time(session: Session) -> None:
 @pytest.mark.ros
 def test_the_token_of_the_page_is_in_no_message(session: Session) -> None:
     """Logs and diagnostics are topics too: others may read them, and recordings are given away."""
-    token = session.summary["page"].rpartition("/")[2].encode()
+    token = session.summary("page").rpartition("/")[2].encode()
     with session.recording.open("rb") as file:
         said = [m.data for _, _, m in NonSeekingReader(file).iter_messages(log_time_order=False)]
     assert any(b"page http://127.0.0.1:" in data for data in said)
@@ -246,7 +262,7 @@ def test_the_recorded_effector_follows_the_recorded_targets(session: Session) ->
             elif targets and 1e9 < time_ns - targets[0][0] < (TRACK - 0.1) * 1e9:
                 held = max((t for t in targets if t[0] <= time_ns), default=targets[0])[1]
                 errors.append(sum((a - b) ** 2 for a, b in zip(held, point, strict=True)))
-    assert len(errors) > 10 * TRACK
+    assert len(errors) > TRACK, "more than one a second, however late"
     assert (sum(errors) / len(errors)) ** 0.5 < error_allowed(session)
     sent = [point for _, point in targets]
     width = max(p[0] for p in sent) - min(p[0] for p in sent)
@@ -257,18 +273,15 @@ def test_the_recorded_effector_follows_the_recorded_targets(session: Session) ->
 def test_ctrl_c_during_start_ends_in_order_and_leaves_no_process(tmp_path: Path, domain: int) -> None:
     process = start("--no-view", directory=tmp_path, domain=domain)
     try:
-        deadline = time.monotonic() + 30
-        while not children(process.pid) and time.monotonic() < deadline:
-            time.sleep(0.05)
+        assert wait_until(lambda: children(process.pid))
         left = children(process.pid)
-        assert left
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=DEADLINE)
     finally:
         if process.poll() is None:
             process.kill()
     assert process.returncode == 0, f"{out}\n{err}"
-    assert "stopped: Ctrl-C" in out
+    line_naming(out, "stopped", "Ctrl-C")
     assert "Traceback" not in out + err
     assert not any(Path(f"/proc/{pid}").exists() for pid in left)
 
@@ -294,15 +307,16 @@ def test_two_robots_share_a_domain_in_two_namespaces(tmp_path: Path, domain: int
     context.init(domain_id=domain)
     asking = rclpy.create_node("asking", context=context)
     try:
-        deadline = time.monotonic() + 120
-        while set(asking.get_fully_qualified_node_names()) != wanted | {"/asking"}:
-            assert time.monotonic() < deadline, asking.get_fully_qualified_node_names()
+
+        def all_there() -> bool:
             assert all(robot.poll() is None for robot in robots)
-            time.sleep(0.1)
+            return set(asking.get_fully_qualified_node_names()) == wanted | {"/asking"}
+
+        assert wait_until(all_there), asking.get_fully_qualified_node_names()
         third = start(*words, "/left", directory=tmp_path, domain=domain)
-        _, said = third.communicate(timeout=60)
+        _, said = third.communicate(timeout=DEADLINE)
         assert third.returncode == 3
-        assert f"(process {robots[0].pid}) runs on ROS domain {domain} in namespace /left" in said
+        assert_names(said, f"process {robots[0].pid}", f"domain {domain}", "namespace /left")
         topics = {name for name, _ in asking.get_topic_names_and_types()}
         assert {f"/{robot}/{names.CONTROL_MODE}" for robot in ("left", "right")} <= topics
         assert not [t for t in topics if t.lstrip("/") in vars(names).values() and t != names.DIAGNOSTICS]
@@ -313,6 +327,6 @@ def test_two_robots_share_a_domain_in_two_namespaces(tmp_path: Path, domain: int
         for robot in robots:
             robot.send_signal(signal.SIGINT)
         for robot in robots:
-            out, err = robot.communicate(timeout=60)
+            out, err = robot.communicate(timeout=DEADLINE)
             ended.append((robot.returncode, out + err))
     assert [code for code, _ in ended] == [0, 0], ended

@@ -1,5 +1,6 @@
 """A study that takes no time, for tests: errors h², and points that end badly in every way."""
 
+import itertools
 import os
 import signal
 import time
@@ -11,7 +12,10 @@ from tripod_sim.study.task import Measured
 
 ENDS = ("ok", "diverge", "refuse", "bug", "exit", "kill", "hang")
 
-DEFAULT: Settings = {"dt": 0.4, "end": "ok", "pause": 0.0, "log": ""}
+DEFAULT: Settings = {"dt": 0.4, "end": "ok", "gate": "", "log": ""}
+
+BEFORE_GATE = 6
+"""How many points are measured before those that follow wait at the gate."""
 
 
 def rungs(settings: Settings) -> tuple[Settings, ...]:
@@ -19,10 +23,19 @@ def rungs(settings: Settings) -> tuple[Settings, ...]:
 
 
 def make(
-    *, ends: tuple[str, ...] = ("ok",), steps: tuple[float, ...] = (0.4, 0.2, 0.1), pause: float = 0.0, log: str = "",
-    limit: float = 20.0,
+    *, ends: tuple[str, ...] = ("ok",), steps: tuple[float, ...] = (0.4, 0.2, 0.1), gate: str = "", log: str = "",
+    limit: float = 600.0,
 ) -> Plan:  # fmt: skip
-    default = {**DEFAULT, "pause": pause, "log": log}
+    """Return a plan.
+
+    Args:
+        ends: How points end, see `ENDS`.
+        steps: Values of dt [s].
+        gate: A folder; all points but the first `BEFORE_GATE` wait until it has a file `open`. Empty: none waits.
+        log: A file that gets a line for each point that is measured; empty: none.
+        limit: Longest time of a point [s]; by default more than any takes on a loaded machine.
+    """
+    default = {**DEFAULT, "gate": gate, "log": log}
     return Plan(
         name="toy", title="Toy", scene="none", module="tests.bringup.toy_study", version=1,
         others=(Knob("end", "end", "how it ends"),), default=default,
@@ -37,8 +50,29 @@ def plan(*, quick: bool) -> Plan:
     return make()
 
 
+def waiting(gate: Path) -> list[int]:
+    """Return the processes that wait at a gate, or did."""
+    return [int(file.name) for file in gate.glob("*/*")]
+
+
+def _wait_at(gate: Path) -> None:
+    """Take a number; if the first have gone through, tell this process's id and wait until the gate is open."""
+    for number in itertools.count():
+        try:
+            (gate / str(number)).mkdir(parents=True)
+            break
+        except FileExistsError:
+            continue
+    if number < BEFORE_GATE:
+        return
+    (gate / str(number) / str(os.getpid())).touch()
+    while not (gate / "open").exists():
+        time.sleep(0.02)
+
+
 def task(settings: Settings) -> Measured:
-    time.sleep(float(settings["pause"]))
+    if settings["gate"]:
+        _wait_at(Path(str(settings["gate"])))
     if settings["log"]:
         with Path(str(settings["log"])).open("a") as file:
             file.write(f"{settings['dt']}\n")
@@ -55,6 +89,6 @@ def task(settings: Settings) -> Measured:
         case "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         case "hang":
-            time.sleep(60)
+            signal.pause()
     h = float(settings["dt"])
     return Measured({"x": [[1.0 + h**2, 0.1 * h**2]]}, [1e-3 / h, 1.5e-3 / h, 2e-3 / h], 2.0, 5)

@@ -78,7 +78,7 @@ def test_without_a_port_it_says_so_keeps_trying_and_ends_in_order(
     driver = start_driver(
         f"port:={board.path}", "protocol:=legacy", "boot_time:=0.2", "retry_min:=0.1", "retry_max:=0.2"
     )
-    client.wait(lambda: operator.statuses, "the status")
+    operator.wait_state(0, "the status")
     messages.assert_names(operator.status.message, board.path, "exist", "serial ports")
     name = f"{client.node.get_namespace()}/driver"
     client.wait(lambda: any(report.name == name for report in reports), "diagnostics")
@@ -165,14 +165,18 @@ def test_after_kill_9_bytes_stop_and_the_board_lets_go(answering, operator, clie
     )
     client.close()
     assert driver.stop(signal.SIGKILL) == -signal.SIGKILL
-    end = time.monotonic() + DEADLINE
-    heard = None
-    while (state := answering.firmware.state) is not BoardState.RELEASED:
-        if heard is None and state is not BoardState.ACTIVE:  # silent for 0.5 s: nothing is on its way any more
-            heard = len(answering.received)
-        assert time.monotonic() < end, "waited in vain for the release"
-        time.sleep(0.01)
-    assert heard in (None, len(answering.received))
+
+    def wait_while(*states: BoardState) -> None:
+        end = time.monotonic() + DEADLINE
+        while answering.firmware.state in states:
+            assert time.monotonic() < end, f"waited in vain for the end of {states}"
+            time.sleep(0.01)
+
+    wait_while(BoardState.ACTIVE)  # its watchdog heard nothing for 0.5 s: nothing is on its way any more
+    heard = len(answering.received)
+    wait_while(BoardState.ACTIVE, BoardState.HOLDING)
+    assert answering.firmware.state is BoardState.RELEASED
+    assert len(answering.received) == heard
 
 
 @pytest.mark.ros
@@ -233,7 +237,9 @@ def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
     answering.firmware.version = 7
     driver = start_driver(f"port:={answering.path}", "boot_time:=0")
     operator.wait_state(6, "the fault")
-    messages.assert_names(operator.status.message, answering.path, "firmware", "version 7", "driver 2", "flash")
+    messages.assert_names(
+        operator.status.message, answering.path, "firmware", "version 7", "driver 2", "flash"
+    )
     answering.firmware.version = VERSION  # flashed: the port was free for that
     assert change(Transition.TRANSITION_DEACTIVATE)
     assert change(Transition.TRANSITION_CLEANUP)

@@ -1,6 +1,7 @@
 """The executor of the nodes: what is ready is done, whoever made it and whenever, and nothing else."""
 
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,8 +15,8 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from tests.graph.bench import Bench
-from tripod_graph.executor import Patient
+from tests.graph.bench import DEADLINE, Bench
+from tripod_graph.executor import NodeExecutor, Patient
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 
 pytestmark = pytest.mark.ros
@@ -101,13 +102,18 @@ def test_what_a_callback_raises_is_raised(bench: Bench, node: Node) -> None:
 
 
 def test_a_patient_subscription_wakes_nobody_and_comes_before_what_does(bench: Bench, node: Node) -> None:
-    heard = list[str]()
+    heard, witnessed, woken = list[str](), list[str](), threading.Semaphore(0)
     node.create_subscription(
         String, "words", lambda m: heard.append(m.data), RELIABLE, callback_group=Patient()
     )
-    guard = node.create_guard_condition(lambda: heard.append("woken"))
+    guard = node.create_guard_condition(lambda: (heard.append("woken"), woken.release()))
     publisher = node.create_publisher(String, "words", RELIABLE)
     bench.wait(publisher.get_subscription_count, "the subscription")
+    witness = Node("witness", context=bench.context)
+    witness.create_subscription(String, "words", lambda m: witnessed.append(m.data), RELIABLE)
+    other = NodeExecutor(context=bench.context)
+    other.add_node(witness)
+    bench.wait(lambda: publisher.get_subscription_count() == 2, "the witness")
     bench.executor.spin_once(timeout_sec=0.0)  # nothing is left that would wake it
     for timer in list(node.timers):
         node.destroy_timer(timer)
@@ -116,14 +122,19 @@ def test_a_patient_subscription_wakes_nobody_and_comes_before_what_does(bench: B
     spin.start()
     publisher.publish(String(data="a"))
     publisher.publish(String(data="b"))
-    spin.join(0.5)
+    end = time.monotonic() + DEADLINE
+    while witnessed != ["a", "b"]:  # then the patient one has them, too
+        assert time.monotonic() < end, f"the witness heard only {witnessed}"
+        other.spin_once(timeout_sec=0.02)
     assert spin.is_alive()
     assert heard == []
     for _ in range(3):
         guard.trigger()
-        spin.join(0.2)
-    spin.join(60.0)
+        assert woken.acquire(timeout=DEADLINE)
+    spin.join(DEADLINE)
     assert heard == ["a", "b", "woken", "woken", "woken"]
+    other.shutdown()
+    witness.destroy_node()
 
 
 def test_events_of_the_middleware_are_told(bench: Bench, node: Node) -> None:

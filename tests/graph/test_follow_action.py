@@ -1,5 +1,6 @@
 """The action `follow_joint_trajectory`: followed, refused, cancelled, preempted, interrupted, missed; one line each."""
 
+import re
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -19,6 +20,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 from tests.goals import Goals
 from tests.goals import goal as goal_of
 from tests.graph.bench import Bench
+from tests.messages import assert_names
 from tripod_graph.command import Activity, CommandFollower, CommandLimits
 from tripod_graph.control_mode import clocks
 from tripod_graph.follow_action import FollowAction
@@ -109,7 +111,7 @@ def other_dofs() -> Any:
 
 
 def test_a_goal_is_followed_with_feedback_to_its_end(bench: ActionBench) -> None:
-    one = goal((-0.3, -0.3, -0.3), THERE)
+    one = goal((-0.3, -0.3, -0.3), THERE, seconds=1.0)
     for point in one.trajectory.points:
         point.accelerations = [0.1, 0.1, 0.1]  # as planners send them
     handle = bench.send(one)
@@ -126,54 +128,38 @@ def test_a_goal_is_followed_with_feedback_to_its_end(bench: ActionBench) -> None
 
 
 @pytest.mark.parametrize(
-    ("make", "code", "why"),
+    ("make", "code", "named"),
     [
-        (
-            lambda: goal(source=""),
-            -1,
-            "command of nobody named in header.frame_id ignored: '/operator' is in charge",
-        ),
-        (lambda: goal(source="world"), -1, "command of 'world' ignored: '/operator' is in charge"),
-        (
-            lambda: goal(joints=("a", "b", "c")),
-            -2,
-            "unknown joint 'a'; joints: servo_0, servo_1, servo_2, slide",
-        ),
-        (
-            lambda: goal((0.0, 0.0), joints=SERVOS[:2]),
-            -2,
-            "joint 'servo_2' is missing; a command names all of",
-        ),
-        (late, -3, "it should have begun "),
-        (lambda: goal((0.0, 0.0, np.nan)), -1, "point 0: servo_2 is nan rad, allowed is -2.1 to 0.6 rad"),
-        (lambda: goal((0.0, 0.0, 0.7)), -1, "point 0: servo_2 is 0.7 rad, allowed is -2.1 to 0.6 rad"),
-        (Goal, -1, "command of nobody named in header.frame_id ignored"),
-        (
-            lambda: goal(*[THERE] * 2001, seconds=0.01),
-            -1,
-            "a trajectory of more than 2000 points, which is the most that is read",
-        ),
-        (other_dofs, -1, "it has a multi_dof_trajectory, which is not used: leave it out"),
+        (lambda: goal(source=""), -1, ("header.frame_id", "ignored", "'/operator'")),
+        (lambda: goal(source="world"), -1, ("'world'", "ignored", "'/operator'")),
+        (lambda: goal(joints=("a", "b", "c")), -2, ("joint 'a'", "servo_0, servo_1, servo_2, slide")),
+        (lambda: goal((0.0, 0.0), joints=SERVOS[:2]), -2, ("'servo_2'", "missing", ", ".join(SERVOS))),
+        (late, -3, ("begun", "0.5 s")),
+        (lambda: goal((0.0, 0.0, np.nan)), -1, ("point 0", "servo_2", "nan rad", "-2.1 to 0.6 rad")),
+        (lambda: goal((0.0, 0.0, 0.7)), -1, ("point 0", "servo_2", "0.7 rad", "-2.1 to 0.6 rad")),
+        (Goal, -1, ("header.frame_id", "ignored")),
+        (lambda: goal(*[THERE] * 2001, seconds=0.01), -1, ("trajectory", "2000 points")),
+        (other_dofs, -1, ("multi_dof_trajectory", "not used")),
         (
             lambda: goal(component_goal_tolerance=[JointComponentTolerance()]),
             -1,
-            "it has a component_goal_tolerance, which is not used: leave it out",
+            ("component_goal_tolerance", "not used"),
         ),
         (
             lambda: goal(goal_tolerance=[JointTolerance(name="elbow", position=0.1)]),
             -1,
-            "goal_tolerance of an unknown joint 'elbow'",
+            ("goal_tolerance", "'elbow'"),
         ),
     ],
 )
 def test_what_is_not_followed_says_why_and_lets_the_motion_go_on(
-    bench: ActionBench, make, code: int, why: str
+    bench: ActionBench, make, code: int, named: tuple[str, ...]
 ) -> None:
     first = bench.send(goal())
     before = bench.robot.follower.trajectory
     status, error, text = bench.end(bench.send(make()))
     assert (status, error) == (GoalStatus.STATUS_ABORTED, code)
-    assert text.startswith(why)
+    assert_names(text, *named)
     assert "\n" not in text
     assert bench.robot.follower.trajectory is before
     assert [*bench.robot.refused, bench.robot.authority.ignored_commands.last] != [""]
@@ -183,13 +169,10 @@ def test_what_is_not_followed_says_why_and_lets_the_motion_go_on(
 def test_in_the_wrong_mode_nothing_moves(bench: ActionBench) -> None:
     bench.robot.decide(Mode.STOP)
     ended = bench.end(bench.send(goal()))
-    assert ended == (
-        GoalStatus.STATUS_ABORTED,
-        Result.INVALID_GOAL,
-        "control mode is STOP: commands are ignored, the last of '/operator'",
-    )
+    assert ended[:2] == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert_names(ended[2], "STOP", "ignored", "'/operator'")
     bench.robot.decide(Mode.IK)
-    assert bench.end(bench.send(goal()))[2] == "command of '/operator' ignored: control mode is IK"
+    assert_names(bench.end(bench.send(goal()))[2], "IK", "ignored", "'/operator'")
     assert bench.robot.follower.joints == pytest.approx(START)
     assert bench.robot.follower.trajectory is None
 
@@ -199,7 +182,9 @@ def test_a_cancelled_goal_holds_where_it_is(bench: ActionBench) -> None:
     bench.wait(lambda: bench.robot.follower.joints[0] < -0.11, "some motion")
     assert bench.goals.cancel(handle) == 1
     here = bench.robot.follower.joints.copy()
-    assert bench.end(handle) == (GoalStatus.STATUS_CANCELED, Result.SUCCESSFUL, "cancelled: the joints hold")
+    ended = bench.end(handle)
+    assert ended[:2] == (GoalStatus.STATUS_CANCELED, Result.SUCCESSFUL)
+    assert_names(ended[2], "cancelled", "hold")
     assert bench.robot.follower.activity is Activity.HOLDING
     assert bench.robot.follower.joints == pytest.approx(here, abs=1e-12)
     assert bench.goals.cancel(handle) == 0  # it has ended
@@ -208,10 +193,13 @@ def test_a_cancelled_goal_holds_where_it_is(bench: ActionBench) -> None:
 def test_a_newer_goal_preempts_and_another_command_replaces(bench: ActionBench) -> None:
     first = bench.send(goal((0.5, 0.5, 0.5), seconds=9.0))
     second = bench.send(goal(seconds=2.0))
-    assert bench.end(first) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "preempted by a newer goal")
+    ended = bench.end(first)
+    assert ended[:2] == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert_names(ended[2], "preempted", "newer goal")
     bench.robot.follower.accept(SERVOS, [0.1], [THERE], time.monotonic())
     ended = bench.end(second)
-    assert ended == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "replaced by another command")
+    assert ended[:2] == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert_names(ended[2], "another command")
     bench.wait(lambda: bench.robot.follower.joints[2] == pytest.approx(THERE[2]), "the other command's end")
 
 
@@ -220,7 +208,7 @@ def test_stop_and_a_lost_operator_end_a_goal(bench: ActionBench) -> None:
     bench.robot.decide(Mode.STOP, "/panic")
     ended = bench.end(handle)
     assert ended[:2] == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
-    assert ended[2] == "interrupted: STOP by /panic is in force"
+    assert_names(ended[2], "interrupted", "STOP", "/panic")
     assert bench.robot.follower.activity is Activity.HOLDING
 
 
@@ -228,7 +216,8 @@ def test_a_node_that_ends_tells_so(bench: ActionBench) -> None:
     handle = bench.send(goal(seconds=9.0))
     bench.robot.action.leave()
     ended = bench.end(handle)
-    assert ended == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "interrupted: the node ends")
+    assert ended[:2] == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert_names(ended[2], "interrupted", "node")
     bench.robot.action.leave()  # without a goal it does nothing
 
 
@@ -237,12 +226,12 @@ def test_joints_that_do_not_follow_end_it_where_that_matters(bench: ActionBench)
     near = goal(seconds=9.0, path_tolerance=[JointTolerance(name="servo_1", position=0.15)])
     status, code, why = bench.end(bench.send(near))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.PATH_TOLERANCE_VIOLATED)
-    assert why.startswith("servo_1 is at -0.2000 rad instead of -0.3")
-    assert why.endswith("path_tolerance is 0.15 rad")
+    assert_names(why, "servo_1", "-0.2000 rad", "path_tolerance", "0.15 rad")
+    assert min(map(float, re.findall(r"-\d\.\d+", why))) < -0.35  # where it should have been
     assert bench.robot.follower.activity is Activity.HOLDING
     soon = goal(goal_time_tolerance=Duration(nanosec=200_000_000))
     status, code, why = bench.end(bench.send(soon))
     assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.GOAL_TOLERANCE_VIOLATED)
-    assert why == "servo_1 is at -0.2000 rad instead of -0.5000, goal_tolerance is 0.01 rad"
+    assert_names(why, "servo_1", "-0.2000 rad", "-0.5000", "goal_tolerance", "0.01 rad")
     wide = goal(goal_tolerance=[JointTolerance(name="servo_1", position=0.5)])
     assert bench.end(bench.send(wide))[0] == GoalStatus.STATUS_SUCCEEDED

@@ -4,6 +4,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from tests.messages import raises_naming
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
 
@@ -32,7 +33,7 @@ def test_each_parameter_sets_the_limit_of_its_name() -> None:
 
 
 def test_limits_that_contradict_each_other_are_refused() -> None:
-    with pytest.raises(CommandError, match=r"park position: servo_1 is -1 rad, allowed is -0.5 to 0.6 rad"):
+    with raises_naming(CommandError, "park", "servo_1", "-1 rad", "-0.5 to 0.6 rad"):
         limits_from({**DEFAULTS, "angle_min": -0.5, "park": [0.0, -1.0, 0.0, 0.0]})
-    with pytest.raises(CommandError, match="park position has 3 values; it needs 4"):
+    with raises_naming(CommandError, "park", "3 values", 4):
         limits_from({**DEFAULTS, "park": [0.0, 0.0, 0.0]}, 3)

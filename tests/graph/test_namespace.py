@@ -1,9 +1,8 @@
 """Which texts are namespaces of ROS."""
 
-import re
-
 import pytest
 
+from tests.messages import raises_naming
 from tripod_graph.namespace import NamespaceError, full_namespace
 
 
@@ -16,7 +15,5 @@ def test_a_namespace_gets_its_slash(name: str, full: str) -> None:
     "name", ["9left", "left/", "a//b", "//a", "a b", "a-b", "~/a", "ä", "a/9", "a" * 100, "{a}"]
 )
 def test_what_is_no_namespace_is_refused_by_its_value(name: str) -> None:
-    with pytest.raises(
-        NamespaceError, match=re.escape(f"namespace {name!r:.80} is no name; allowed: parts of")
-    ):
+    with raises_naming(NamespaceError, f"namespace {name!r:.80}", "letters, digits and _", "characters"):
         full_namespace(name)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tripod_graph.parameter_files import is_for, parameter_files, shared_names, strangers
 
 TEXT = """
@@ -47,9 +48,8 @@ def test_names_in_blocks_for_several_nodes_are_shared(tmp_path: Path) -> None:
     assert strangers([file], "/other") == []
     file.write_text(TEXT[TEXT.index("left") :], encoding="utf-8")
     assert strangers([file], "/left/driver") == []
-    assert strangers([file], "/other") == [
-        f"parameter file {file} sets nothing of /other: its blocks are for /left/driver, /*/sim"
-    ]
+    (warning,) = strangers([file], "/other")
+    assert_names(warning, f"parameter file {file}", "nothing", "/other", "/left/driver, /*/sim")
 
 
 @pytest.mark.parametrize("text", ["", "a: [", "- 1\n- 2", "7", "\x00"])
@@ -63,12 +63,12 @@ def test_a_file_that_is_none_shares_nothing(text: str, tmp_path: Path) -> None:
 def test_the_files_are_those_that_the_words_name(tmp_path: Path) -> None:
     files = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
     words = ["--ros-args", "--params-file", str(files[0]), "-p", "x:=1", "--params-file", str(files[1])]
-    with pytest.raises(ValueError, match=rf"parameter file {files[0]} cannot be read: No such file"):
+    with raises_naming(ValueError, f"parameter file {files[0]}", "No such file"):
         parameter_files(words)
     for file in files:
         file.touch()
     assert parameter_files(words) == files
     files[1].unlink()
     os.mkfifo(files[1])
-    with pytest.raises(ValueError, match=str(files[1])):
+    with raises_naming(ValueError, files[1]):
         parameter_files(words)

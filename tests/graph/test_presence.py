@@ -12,6 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from tests.graph.bench import Bench
+from tests.messages import assert_names
 from tripod_graph import presence
 from tripod_graph.presence import Mix, Rival
 from tripod_graph.qos import RELIABLE
@@ -59,9 +60,9 @@ def test_both_of_two_warn_once_of_each_other_and_what_to_do(bench: Bench) -> Non
     bench.wait(each_speaks([*tellers, apart], lambda: next(looks) == 100), "more looks")
     for teller in tellers:
         assert teller.warned == [teller.rival.notice]
-        assert "another node /left/sim publishes" in teller.rival.notice
-        assert "/left/sim/status" in teller.rival.notice
-        assert "namespace" in teller.rival.notice and "ROS_DOMAIN_ID" in teller.rival.notice
+        assert_names(
+            teller.rival.notice, "node /left/sim", "/left/sim/status", "__ns:=/NAME", "ROS_DOMAIN_ID"
+        )
     assert not apart.rival.notice, "another namespace has other topics"
     tellers[1].node.destroy_publisher(tellers[1].publisher)
     bench.wait(lambda: not tellers[0].rival.notice, "the end of the notice")

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.messages import assert_names, raises_naming
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.range import SILENT, Fence, RangeWatch, cut
 
@@ -46,36 +47,29 @@ def test_a_driver_that_tells_no_range_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "speed", "message"),
+    ("lower", "upper", "speed", "named"),
     [
-        (
-            (1.0, -1.0, -1.0),
-            (2.0, 0.0, 0.0),
-            SPEED,
-            "servo_0 may go from 1 to 2 rad at 4 rad/s, own limits are",
-        ),
-        ((-1.0,) * 3, (0.0, float("nan"), 0.0), SPEED, "servo_1 may go from -1 to nan rad"),
-        ((-1.0,) * 3, (0.0,) * 3, (1.0, 1.0, 0.0), "servo_2 may go from -1 to 0 rad at 0 rad/s"),
-        ((-1.0,) * 2, (0.0,) * 2, (1.0,) * 2, "a range of 2 servos; it needs 3"),
-        ((-1.0,) * 2, (0.0,) * 3, (1.0,) * 3, "a range of 2 servos; it needs 3"),
-        ((-1.0,) * 3, (0.0,) * 3, (), "a range of 0 servos; it needs 3"),
+        ((1.0, -1.0, -1.0), (2.0, 0.0, 0.0), SPEED, ("servo_0", "1 to 2 rad", "4 rad/s", "own limits")),
+        ((-1.0,) * 3, (0.0, float("nan"), 0.0), SPEED, ("servo_1", "-1 to nan rad")),
+        ((-1.0,) * 3, (0.0,) * 3, (1.0, 1.0, 0.0), ("servo_2", "-1 to 0 rad", "0 rad/s")),
+        ((-1.0,) * 2, (0.0,) * 2, (1.0,) * 2, ("2 servos", 3)),
+        ((-1.0,) * 2, (0.0,) * 3, (1.0,) * 3, ("2 servos", 3)),
+        ((-1.0,) * 3, (0.0,) * 3, (), ("0 servos", 3)),
     ],
 )
-def test_a_range_that_leaves_nothing_is_refused_and_named(lower, upper, speed, message) -> None:
-    with pytest.raises(CommandError, match=message):
+def test_a_range_that_leaves_nothing_is_refused_and_named(lower, upper, speed, named) -> None:
+    with raises_naming(CommandError, *named):
         OWN.within(lower, upper, speed)
     watch = RangeWatch(OWN)
     watch.hear(lower, upper, speed, 0.0)
     assert watch.limits is OWN
-    assert message in watch.notice
+    assert_names(watch.notice, *named)
 
 
 def test_who_is_asked_for_more_is_named() -> None:
     limits = OWN.within(LOWER, UPPER, SPEED)
     assert cut(np.array([-0.1, 0.0, -0.2, 0.0]), limits) == ""
-    assert cut(np.array([0.6, 0.0, -0.2, 0.0]), limits).startswith(
-        "servo_0 is asked for 0.600 rad, its safe range"
-    )
+    assert_names(cut(np.array([0.6, 0.0, -0.2, 0.0]), limits), "servo_0", "0.600 rad", "-2.100 to 0.000 rad")
 
 
 joints = st.tuples(*[st.floats(-2.1, 0.6)] * 3, st.floats(0.0, 0.04))

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.messages import raises_naming
 from tripod_graph.run import ros_arguments
 
 
@@ -25,7 +26,5 @@ def test_words_become_ros_arguments(words: list[str], expected: list[str]) -> No
 
 @pytest.mark.parametrize("word", ["port=mock", "mock", "--port", ":=mock"])
 def test_a_word_that_ros_would_ignore_is_refused(word: str) -> None:
-    with pytest.raises(
-        ValueError, match=f"argument '{word}' is not understood; NAME:=VALUE sets a parameter"
-    ):
+    with raises_naming(ValueError, f"argument '{word}'", "NAME:=VALUE"):
         ros_arguments(["a:=1", word])

@@ -257,7 +257,7 @@ def test_a_number_may_say_its_unit(word: str, value: object) -> None:
         ("tripod", "mesh.level=2.0", ("mesh.level", "2.0", "whole number")),
         ("tripod", "mesh.level=true", ("mesh.level", "True", "whole number")),
         ("tripod", "material.law=rubber", ("material.law", "'rubber'", "allowed: corotational, mooney_rivlin")),
-        ("tripod", f"material.law={'b' * 9999}", ("material.law is '", "...", "allowed: ")),
+        ("tripod", f"material.law={'b' * 9999}", ("material.law is '", "...", "allowed")),
         ("tripod", "name=5", ("name is 5", "text")),
         ("tripod", "dt=2", ("dt is 2.0", "at least 1e-09 s", "at most 1 s")),
         ("tripod", "material.young=1e300", ("material.young", "1e+300", "above 0 Pa", "at most 1e+13 Pa")),
