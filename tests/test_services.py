@@ -15,6 +15,7 @@ from rclpy.service import Service
 from std_srvs.srv import Trigger
 
 from tests import services
+from tests.messages import names, raises_naming
 
 pytestmark = pytest.mark.ros
 
@@ -97,10 +98,11 @@ def test_nothing_is_asked_of_a_server_that_drops_its_answers(
 
 def test_what_does_not_come_is_named(pair: Pair) -> None:
     def wait(condition: Callable[[], Any], what: str) -> None:
-        pair.wait(condition, what, seconds=0.3)
+        never_comes = names(what, "elsewhere") or names(what, "answer")
+        pair.wait(condition, what, seconds=0.3 if never_comes else DEADLINE)
 
-    with pytest.raises(AssertionError, match="waited in vain for service elsewhere"):
+    with raises_naming(AssertionError, "service elsewhere"):
         services.call(pair.client, Trigger, "elsewhere", Trigger.Request(), server="counter", wait=wait)
     pair.deaf = True
-    with pytest.raises(AssertionError, match="waited in vain for an answer of counter"):
+    with raises_naming(AssertionError, "answer", "counter"):
         services.call(pair.client, Trigger, "count", Trigger.Request(), server="counter", wait=wait)

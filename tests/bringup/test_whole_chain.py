@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 from collections import defaultdict
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 
+from tests import messages
 from tests.bringup.processes import DEADLINE, wait_until
 from tests.domains import own_domain
 from tests.messages import assert_names, line_naming
@@ -31,8 +32,6 @@ ROOT = Path(__file__).parents[2]
 TRACK = 6.0
 LIGHT = ("mesh.element=h8_modes", "inertia.scheme=bdf2", "dt=0.005")
 """A tenth of the work of the scene: what is shown here is the chain, also beside others on the machine."""
-SETTLE = 0.1
-"""Simulated time in which the body follows the servos to within about a tenth of their way [s]."""
 TOPICS = {
     f"/{topic}".replace("//", "/")
     for topic in (
@@ -121,54 +120,13 @@ def figure(text: str) -> float:
     return float(re.match(r"[-+.\de]+", text)[0])  # type: ignore[index]
 
 
-def longest_silence(recording: Path) -> float:
-    """Return the longest time in which demo, inverse kinematics or simulator said nothing, in mode IK [s]."""
-    heard: dict[str, list[int]] = defaultdict(list)
-    topics = [f"/{name}" for name in (names.TARGET_POSE, names.JOINT_TRAJECTORY, names.EFFECTOR_POSE)]
-    with AnyReader([recording.parent]) as reader:
-        for connection, time_ns, _ in reader.messages():
-            if connection.topic in topics:
-                heard[connection.topic].append(time_ns)
-    first, last = heard[topics[0]][0], heard[topics[0]][-1]
-    inside = [[first, *(t for t in times if first < t < last), last] for times in heard.values()]
-    return 1e-9 * max(b - a for times in inside for a, b in pairwise(times))
-
-
-def lag(recording: Path) -> float:
-    """Return the time by which the body came late after its first second in mode IK, rms over its poses [s].
-
-    That is the time beyond `SETTLE` in which it made its last steps of `SETTLE`: 0 in real time.
-    """
-    steps: list[tuple[float, float]] = []
-    poses: list[float] = []
-    asked: list[float] = []
-    topics = {f"/{name}": name for name in (names.SIM_STATUS, names.EFFECTOR_POSE, names.TARGET_POSE)}
-    with AnyReader([recording.parent]) as reader:
-        for connection, _, raw in reader.messages(c for c in reader.connections if c.topic in topics):
-            message = reader.deserialize(raw, connection.msgtype)
-            stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec  # type: ignore[attr-defined]
-            match topics[connection.topic]:
-                case names.SIM_STATUS:
-                    steps.append((stamp, message.time))  # type: ignore[attr-defined]
-                case names.EFFECTOR_POSE:
-                    poses.append(stamp)
-                case names.TARGET_POSE:
-                    asked.append(stamp)
-    stamps, times = np.array(steps).T
-    seen = np.array([p for p in poses if asked[0] + 1.0 < p < asked[-1]])
-    begun = np.interp(np.interp(seen, stamps, times) - SETTLE, times, stamps)
-    return float(np.sqrt(np.mean(np.maximum(seen - begun - SETTLE, 0.0) ** 2)))
-
-
-def error_allowed(session: Session) -> float:
-    """Return the bound on the tracking error, rms [m].
-
-    Half a millimetre is promised where the chain keeps real time. While the simulation falls behind, or one of the
-    nodes is held up for more than 0.1 s, the targets run away from the body, at 8 mm/s at most, for the time that it is
-    late.
-    """
-    held_up = max(0.0, longest_silence(session.recording) - 0.1)
-    return 0.5e-3 + 8e-3 * (held_up + lag(session.recording))
+def off_the_path(points: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """Return the distances [m] of `points`, shape (n, 3), from the polyline through `path`, shape (m, 3)."""
+    begin, along = path[:-1], np.diff(path, axis=0)
+    squares = np.maximum((along**2).sum(axis=1), 1e-18)
+    share = np.einsum("nmi,mi->nm", points[:, None] - begin, along) / squares
+    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    return np.linalg.norm(points[:, None] - nearest, axis=2).min(axis=1)
 
 
 @pytest.mark.ros
@@ -179,7 +137,8 @@ def test_the_demo_ends_well_and_tells_every_figure(session: Session) -> None:
     factor = figure(session.summary("real-time factor"))
     assert min(factors) - 0.01 < factor < min(max(factors) + 0.01, 1.2)
     assert 0 < figure(session.summary("step time, median")) <= figure(session.summary("step time, p99"))
-    assert figure(session.summary("effector", "target", "rms")) * 1e-3 < error_allowed(session)
+    error = session.summary("effector", "target", "rms")
+    assert messages.names(error, "NOT below") == (figure(error) >= 0.5)
     sent = sorted({status.packets_sent for _, status in session.heard(names.ROBOT_STATUS)})
     assert figure(session.summary("packets sent")) in {
         after - before for before, after in combinations(sent, 2)
@@ -246,27 +205,22 @@ def test_the_token_of_the_page_is_in_no_message(session: Session) -> None:
 
 
 @pytest.mark.ros
-def test_the_recorded_effector_follows_the_recorded_targets(session: Session) -> None:
-    """Nothing of the demo's own measure is used: the targets are those that were sent, held until the next."""
-    targets: list[tuple[int, list[float]]] = []
-    errors: list[float] = []
-    with AnyReader([session.recording.parent]) as reader:
-        for connection, _, raw in reader.messages():
-            if connection.topic not in (f"/{names.TARGET_POSE}", f"/{names.EFFECTOR_POSE}"):
-                continue
-            message = reader.deserialize(raw, connection.msgtype)
-            p, stamp = message.pose.position, message.header.stamp  # type: ignore[attr-defined]
-            time_ns, point = stamp.sec * 10**9 + stamp.nanosec, [p.x, p.y, p.z]
-            if connection.topic == f"/{names.TARGET_POSE}":
-                targets.append((time_ns, point))
-            elif targets and 1e9 < time_ns - targets[0][0] < (TRACK - 0.1) * 1e9:
-                held = max((t for t in targets if t[0] <= time_ns), default=targets[0])[1]
-                errors.append(sum((a - b) ** 2 for a, b in zip(held, point, strict=True)))
-    assert len(errors) > TRACK, "more than one a second, however late"
-    assert (sum(errors) / len(errors)) ** 0.5 < error_allowed(session)
-    sent = [point for _, point in targets]
-    width = max(p[0] for p in sent) - min(p[0] for p in sent)
-    assert width > DemoTarget((0.0, 0.0, 0.0)).radius, "the targets did draw a circle"
+def test_the_recorded_effector_follows_the_path_of_the_recorded_targets(session: Session) -> None:
+    """How late it is depends on the machine, how far beside the path does not; the demo tells the former."""
+
+    def places(topic: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return stamps [s] and positions [m]."""
+        found = [message for _, message in session.heard(topic)]
+        stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in found]
+        points = [[m.pose.position.x, m.pose.position.y, m.pose.position.z] for m in found]
+        return np.array(stamps), np.array(points)
+
+    (sent, path), (seen, points) = places(names.TARGET_POSE), places(names.EFFECTOR_POSE)
+    points = points[(seen > sent[0] + 1.0) & (seen < sent[-1])]
+    assert len(points) > TRACK, "more than one a second, however late"
+    assert np.sqrt(np.mean(off_the_path(points, path) ** 2)) < 0.5e-3
+    for way in (path, points):
+        assert np.ptp(way, axis=0).max() > DemoTarget((0.0, 0.0, 0.0)).radius, "they did draw a circle"
 
 
 @pytest.mark.ros

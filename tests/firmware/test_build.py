@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.firmware import build
+from tests.messages import assert_names
 
 
 def make(directory: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -28,9 +29,7 @@ def test_the_firmware_fits_with_all_options(tmp_path: Path) -> None:
 
 def test_the_document_tells_the_size_of_the_default_build(tmp_path: Path) -> None:
     flash = int(re.search(r"flash (\d+) B", make(tmp_path).stdout)[1])
-    told = re.search(
-        r"checks its size: ([\d.]+) kB of flash", (build.SOURCES.parent / "docs" / "firmware.md").read_text()
-    )
+    told = re.search(r"([\d.]+) kB of flash", (build.SOURCES.parent / "docs" / "firmware.md").read_text())
     assert float(told[1]) == pytest.approx(flash / 1000, rel=0.1)  # compilers differ
 
 
@@ -38,7 +37,7 @@ def test_the_document_tells_the_size_of_the_default_build(tmp_path: Path) -> Non
 def test_a_firmware_that_is_too_large_fails_the_build(tmp_path: Path, limit: str) -> None:
     run = make(tmp_path, limit)
     assert run.returncode != 0
-    assert "too large" in run.stderr
+    assert_names(run.stderr, "too large")
     assert not list(tmp_path.glob("tripod.*"))
     assert make(tmp_path).returncode == 0
 
@@ -58,7 +57,7 @@ def test_a_changed_parameter_builds_anew_and_an_unchanged_one_does_not(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("parameter", "message"),
+    ("parameter", "allowed"),
     [
         ("PULSE_MAX=26005", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),
         ("PULSE_MIN=3995", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),
@@ -66,17 +65,17 @@ def test_a_changed_parameter_builds_anew_and_an_unchanged_one_does_not(tmp_path:
         ("PULSE_MIN=5441", "multiples of 5"),
         ("SLEW=20005", "SLEW: 5 to 20000"),
         ("SLEW=0", "SLEW: 5 to 20000"),
-        ("SLEW=472", "SLEW: 5 to 20000, multiples of 5"),
+        ("SLEW=472", "multiples of 5"),
         ("WATCHDOG_MS=99", "100 <= WATCHDOG_MS <= 10000"),
         ("IMU_BAUD=19200", "2400 <= IMU_BAUD <= 9600"),
     ],
 )
 def test_a_parameter_out_of_range_is_refused_by_the_compiler(
-    tmp_path: Path, parameter: str, message: str
+    tmp_path: Path, parameter: str, allowed: str
 ) -> None:
     run = make(tmp_path, parameter)
     assert run.returncode != 0
-    assert message in run.stderr
+    assert_names(run.stderr, parameter.partition("=")[0], allowed)
 
 
 def run_without_packages(tmp_path: Path, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -103,4 +102,4 @@ def test_where_a_skip_is_a_failure_it_fails(tmp_path: Path) -> None:
     run = run_without_packages(tmp_path, **{build.REQUIRED: "1"})
     assert run.returncode == 1
     assert "skipped" not in run.stdout
-    assert f"{build.REQUIRED} is set and this test cannot run" in run.stdout
+    assert_names(run.stdout, f"{build.REQUIRED} is set")

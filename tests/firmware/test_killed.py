@@ -18,6 +18,7 @@ pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make
 
 from tests.firmware.session import PERIOD, is_row_of, rows
 from tests.firmware.terminal_board import TerminalBoard
+from tests.messages import lines_naming
 from tests.tiers import sampled
 from tripod_driver.framed import Decoder, SetPulses
 
@@ -109,7 +110,7 @@ def test_after_kill_9_the_servos_hold_and_are_then_let_go(victim: str, suite, te
         kill(pid)
     if victim != "all":  # the rest ends in order, and tells why
         assert suite.wait(DEADLINE) == {"driver": 12, "sim": 10}[victim]
-        assert f"{victim} was ended by SIGKILL" in log(tmp_path).read_text()
+        assert lines_naming(log(tmp_path).read_text(), victim, "SIGKILL")
     until(lambda: terminal.now > terminal.heard_at + 4 * WATCHDOG, "the board's time")
     last, at = commands(terminal)[-1], terminal.heard_at
     if victim == "sim":

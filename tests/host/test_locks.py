@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import raises_naming
 from tripod_host.locks import open_lock, private_directory
 
 
@@ -35,7 +36,7 @@ def test_without_a_home_it_is_one_among_the_temporary_files(
     found = private_directory({"HOME": "/proc/none"})
     assert found == tmp_path / f"tripod-{os.getuid()}"
     found.chmod(0o777)  # as if another user had been there first
-    with pytest.raises(OSError, match="set XDG_RUNTIME_DIR"):
+    with raises_naming(OSError, "XDG_RUNTIME_DIR"):
         private_directory({"HOME": "/proc/none"})
 
 

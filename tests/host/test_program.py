@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import assert_names
 from tripod_host.program import ENVIRONMENT, SINGLE
 
 ROOT = Path(__file__).parents[2]
@@ -28,10 +29,8 @@ def run(line: str, shell: str = "", **environment: str) -> subprocess.CompletedP
 
 def test_a_closed_output_is_told_in_one_line() -> None:
     done = run("print('lost')", ">&-")
-    assert (done.returncode, done.stderr) == (
-        1,
-        "it: standard output is closed; give it a file, such as /dev/null\n",
-    )
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert_names(done.stderr, "it:", "standard output", "closed", "/dev/null")
 
 
 def test_a_closed_input_is_an_empty_one() -> None:
@@ -48,7 +47,8 @@ def test_a_file_never_gets_what_is_printed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_full_output_is_told_in_one_line(unbuffered: str) -> None:
     done = run("print('lost')", ">/dev/full", PYTHONUNBUFFERED=unbuffered)
-    assert (done.returncode, done.stderr) == (1, "it: standard output: No space left on device\n")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert_names(done.stderr, "it:", "standard output", "No space left")
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
@@ -64,7 +64,8 @@ def test_a_full_output_is_no_bad_argument_of_a_run(unbuffered: str) -> None:
             check=False,
             env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
         )
-    assert (done.returncode, done.stderr) == (1, "tripod: standard output: No space left on device\n")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert_names(done.stderr, "tripod:", "standard output", "No space left")
 
 
 def test_a_reader_that_left_is_no_failure_to_tell() -> None:
@@ -79,17 +80,18 @@ def test_every_name_can_be_printed(locale: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("failing", "said"),
+    ("failing", "named"),
     [
-        ("open('/nowhere/at/all')", "it: /nowhere/at/all: No such file or directory\n"),
-        ("raise MemoryError", "it: there is not enough memory\n"),
-        ("import no_such_module", "it: No module named 'no_such_module'\n"),
-        ("import os; [os.open('/', 0) for _ in range(10**9)]", "it: /: Too many open files\n"),
+        ("open('/nowhere/at/all')", ("/nowhere/at/all", "No such file")),
+        ("raise MemoryError", ("memory",)),
+        ("import no_such_module", ("'no_such_module'",)),
+        ("import os; [os.open('/', 0) for _ in range(10**9)]", (" /:", "open files")),
     ],
 )
-def test_what_the_machine_lacks_is_told_in_one_line(failing: str, said: str) -> None:
+def test_what_the_machine_lacks_is_told_in_one_line(failing: str, named: tuple[str, ...]) -> None:
     done = run(failing)
-    assert (done.returncode, done.stderr) == (1, said)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert_names(done.stderr, "it:", *named)
 
 
 def test_a_directory_that_is_gone_is_told_in_one_line(tmp_path: Path) -> None:
@@ -102,8 +104,8 @@ def test_a_directory_that_is_gone_is_told_in_one_line(tmp_path: Path) -> None:
         check=False,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    said = "it: the current directory is gone (No such file or directory); cd to another\n"
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert_names(done.stderr, "it:", "current directory", "No such file", "cd")
 
 
 def test_one_thread_and_level_2_of_the_compiler_unless_the_environment_says_otherwise(

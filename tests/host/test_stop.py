@@ -4,20 +4,32 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from tripod_host import stop
+from tripod_host.effort import look
 
 ROOT = Path(__file__).parents[2]
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+HEAD = "import os, signal, sys\nfrom tripod_host import stop\nstop.end_at_once()\n"
+DEADLINE = 60.0  # [s], for a loaded machine
+
+
+def clock(reading: str) -> str:
+    """Return the line that gives a program a clock of its own instead of that of the machine."""
+    return f"import itertools, types; stop.time = types.SimpleNamespace(monotonic={reading})\n"
+
+
+FAST, STILL = clock("itertools.count().__next__"), clock("lambda: 0.0")
+"""Clocks: whose signals are a second apart, or come at the same moment."""
 
 
 def run(program: str, **more: object) -> subprocess.CompletedProcess[str]:
     """Run a program that has ended the import of what it needs, and sends signals to itself."""
-    head = "import os, signal, sys\nfrom tripod_host import stop\nstop.end_at_once()\n"
-    words = [sys.executable, "-c", head + program]
+    words = [sys.executable, "-c", HEAD + program]
     return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, **more)  # type: ignore[call-overload]
 
 
@@ -29,9 +41,18 @@ def test_a_program_with_nothing_to_leave_ends_by_the_signal(number: signal.Signa
 
 def test_it_ends_within_a_long_computation_too() -> None:
     """Python runs its own handlers only between two of its instructions."""
-    killer = "import subprocess\nsubprocess.Popen(['sh', '-c', f'sleep 0.2; kill -INT {os.getpid()}'])\n"
-    done = run(f"{killer}sum(range(10**12))", timeout=60)
-    assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
+    words = [sys.executable, "-c", f"{HEAD}print(flush=True)\nsum(range(10**12))"]
+    with subprocess.Popen(
+        words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as program:
+        program.stdout.readline()
+        begun, end = look(program.pid)[0], time.monotonic() + DEADLINE
+        while look(program.pid)[0] < begun + 0.05:  # until it is in the midst of the sum
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=DEADLINE)
+    assert (program.returncode, errors) == (-signal.SIGINT, "")
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -57,16 +78,14 @@ def test_an_act_may_decide_the_exit_code() -> None:
 
 def test_a_second_signal_ends_an_act_that_does_not() -> None:
     program = """
-import time
 def hang():
-    time.sleep(0.6)
     os.kill(os.getpid(), 15)
-    time.sleep(60)
+    while True: pass
 stop.before(hang)
 os.kill(os.getpid(), 2)
 while True: pass
 """
-    done = run(program, timeout=50)
+    done = run(FAST + program, timeout=DEADLINE)
     assert (done.returncode, done.stderr) == (143, "")
 
 
@@ -79,8 +98,9 @@ with stop.taken() as asked, stop.taken() as same:
     print(asked.count, asked.name, flush=True)
 os.kill(os.getpid(), 2)
 """
-    done = run(program)
-    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "1 Ctrl-C\n", "")
+    for time_between, count in ((STILL, 1), (FAST, 2)):  # those that come together are one
+        done = run(time_between + program)
+        assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, f"{count} Ctrl-C\n", "")
 
 
 @pytest.mark.parametrize("number", SIGNALS)

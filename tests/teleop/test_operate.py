@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.messages import assert_names, raises_naming
 from tripod_graph.command import CommandLimits
 from tripod_graph.mode import LEASE, NONE, RETURN, Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
@@ -53,7 +54,7 @@ def test_without_joint_angles_it_takes_no_control() -> None:
 def test_arrows_never_take_control() -> None:
     made = operator()
     assert made.act(UP, JOINTS, 100.0, 0.0) is None
-    assert made.notice == "press t to drive by these keys"
+    assert_names(made.notice, "press t")
     made.hear(Decision(Mode.TELEOP, "view", 100.0), 100.0, 0.0)
     assert made.act(UP, JOINTS, 101.0, 0.0) is None
     assert made.setpoint(JOINTS, 1.0) is None
@@ -177,7 +178,7 @@ def test_an_old_word_of_another_does_not_unless_it_is_stop(stamp: float) -> None
 
 def test_an_unknown_mode_is_refused() -> None:
     made = driving()
-    with pytest.raises(ValueError, match="control mode 9 is unknown"):
+    with raises_naming(ValueError, "control mode 9"):
         made.hear(Decision(9, "view", 200.0), 100.1, 0.1)
     assert made.is_driving
 
@@ -227,12 +228,14 @@ def test_a_digit_chooses_what_plus_and_minus_move_of_any_number_of_servos() -> N
     made.act(Act.TELEOP, joints, 100.0, 0.0)
     made.setpoint(joints, 1.0)
     made.act(KEYS["4"], joints, 101.0, 1.0)
-    assert (made.chosen, made.notice) == (4, "+ and - move servo 4")
+    assert made.chosen == 4
+    assert_names(made.notice, "+", "-", "servo 4")
     made.act(KEYS["-"], joints, 101.0, 1.0)
     points = [made.setpoint(joints, 1.0 + 0.05 * i) for i in range(1, 10)]
     assert points[-1] == pytest.approx([-0.1, -0.2, -0.3, -0.4, -0.6, 0.02])
     made.act(Choose(5), joints, 102.0, 2.0)
-    assert (made.chosen, made.notice) == (4, "there is no servo 5; the robot has 5")
+    assert made.chosen == 4
+    assert_names(made.notice, "no servo 5", "has 5")
     made.act(Act.WORK, joints, 103.0, 2.0)
     assert made.setpoint(joints, 12.0) == pytest.approx([-1.4965] * 5 + [0.035])
     made.act(Act.CATCH, joints, 104.0, 13.0)
@@ -243,7 +246,7 @@ def test_a_throw_of_another_number_of_angles_is_refused() -> None:
     drive = Drive(CommandLimits(count=4), speed=0.5, hold=0.2, pose_time=3.0)
     made = Operator("teleop", drive, Toss(catch=(-0.1, -0.2, -0.3)))
     made.act(Act.CATCH, (0.0,) * 4, 100.0, 0.0)
-    assert made.notice == "catch and throw have 3 angles, the robot has 4 servos"
+    assert_names(made.notice, "catch", "throw", "3 angles", "4 servos")
     assert made.setpoint((0.0,) * 4, 1.0) == pytest.approx([0.0] * 4)
 
 
@@ -251,7 +254,7 @@ def test_plus_without_a_servo_says_so() -> None:
     made = Operator("teleop", Drive(CommandLimits(count=2), speed=0.5, hold=0.2, pose_time=3.0))
     made.act(Act.TELEOP, (0.0, 0.0), 100.0, 0.0)
     made.act(KEYS["+"], (0.0, 0.0), 100.0, 0.5)
-    assert made.notice == "there is no servo 2; the robot has 2"
+    assert_names(made.notice, "no servo 2", "has 2")
 
 
 def test_a_simulator_and_a_driver_of_other_robots_are_no_place_to_start_from() -> None:
@@ -260,7 +263,7 @@ def test_a_simulator_and_a_driver_of_other_robots_are_no_place_to_start_from() -
     assert (watch.servos, watch.joints(10.0)) == (4, (1.0, 2.0, 3.0, 4.0, 0.01))
     watch.hear_robot(SERVOS, (1.0, 2.0, 3.0), 10.0)
     assert watch.joints(10.0) is None
-    assert watch.trouble == "the simulator has 4 servos, the driver 3"
+    assert_names(watch.trouble, "simulator", "4 servos", "driver 3")
 
 
 # joint states ----------------------------------------------------------------------------------------------
@@ -280,38 +283,43 @@ def test_the_robot_counts_before_the_simulator_and_the_old_not_at_all() -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "positions", "message"),
+    ("names", "positions", "named"),
     [
-        (SERVOS, (1.0, 2.0), "2 positions for 3 joints"),
-        (SERVOS[::2], (1.0, 2.0), "joint 'servo_1' is missing; joints: servo_0, servo_2"),
-        ((), (), "joint 'servo_0' is missing; joints: none"),
-        (SERVOS, (1.0, math.nan, 2.0), "joint 'servo_1' is nan"),
-        ((*SERVOS, SLIDE), (1.0, 1.0, 2.0, math.inf), "joint 'slide' is inf"),
+        (SERVOS, (1.0, 2.0), ("2 positions", "3 joints")),
+        (SERVOS[::2], (1.0, 2.0), ("'servo_1'", "missing", "servo_0, servo_2")),
+        ((), (), ("'servo_0'", "missing", "none")),
+        (SERVOS, (1.0, math.nan, 2.0), ("'servo_1'", "nan")),
+        ((*SERVOS, SLIDE), (1.0, 1.0, 2.0, math.inf), ("'slide'", "inf")),
     ],
 )
-def test_joint_states_that_are_refused(names, positions, message: str) -> None:
-    with pytest.raises(JointError) as raised:
+def test_joint_states_that_are_refused(names, positions, named: tuple[str, ...]) -> None:
+    with raises_naming(JointError, *named):
         joint_values(names, positions)
-    assert str(raised.value) == message
 
 
 # the screen ------------------------------------------------------------------------------------------------
 
 
-def line(**changes) -> str:
+def columns(mode: Mode = Mode.TELEOP, **changes) -> list[str]:
     values = {"joints": JOINTS, "driving": True, "motion": "", "notice": "", **changes}
-    return status_line(Mode.TELEOP, "view", **values)
+    return status_line(mode, "view", **values).split(" | ")
 
 
 def test_the_status_line() -> None:
-    assert line() == "TELEOP by these keys |   -5.7  -11.5  -17.2 deg, slide 20.0 mm"
-    assert line(driving=False).startswith("TELEOP by view | ")
-    assert " | to the working pose | " in line(motion="working pose")
-    assert " | x does nothing | " in line(motion="working pose", notice="x does nothing")
-    assert line(joints=None).endswith("| angles unknown")
-    assert status_line(Mode.STOP, "view", None, driving=False, motion="", notice="") == (
-        "STOP, all hold | angles unknown"
-    )
+    who, where = columns()
+    assert_names(who, "TELEOP", "these keys")
+    angles, slide = where.split(",")
+    assert angles.split() == ["-5.7", "-11.5", "-17.2", "deg"]
+    assert_names(slide, "slide", "20.0 mm")
+    assert_names(columns(driving=False)[0], "TELEOP", "view")
+    _, motion, _ = columns(motion="working pose")
+    assert_names(motion, "working pose")
+    _, notice, _ = columns(motion="working pose", notice="x does nothing")
+    assert notice == "x does nothing"
+    assert_names(columns(joints=None)[-1], "angles", "unknown")
+    who, where = columns(Mode.STOP, joints=None, driving=False)
+    assert_names(who, "STOP", "hold")
+    assert_names(where, "angles", "unknown")
 
 
 def test_the_angles_keep_their_places() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import raises_naming
 from tripod_teleop.terminal import Terminal, TerminalError
 
 ROOT = Path(__file__).parents[2]
@@ -130,12 +131,9 @@ def test_a_line_never_wraps_nor_commands_the_terminal(
 
 
 def test_what_is_no_terminal_is_refused() -> None:
-    with (
-        Path("/dev/null").open("rb") as file,
-        pytest.raises(TerminalError, match="teleop needs a terminal: "),
-    ):
+    with Path("/dev/null").open("rb") as file, raises_naming(TerminalError, "teleop", "terminal"):
         Terminal(file.fileno())
-    with pytest.raises(TerminalError, match="teleop needs a terminal: "):
+    with raises_naming(TerminalError, "teleop", "terminal"):
         Terminal(999)
 
 
@@ -144,7 +142,7 @@ def test_a_terminal_that_is_gone_is_told_and_let_be() -> None:
     terminal = Terminal(slave)
     terminal.enter()
     os.close(master)
-    with pytest.raises(TerminalError, match="the terminal is gone"):
+    with raises_naming(TerminalError, "terminal", "gone"):
         terminal.read()
     terminal.show("nobody sees this")
     assert terminal.width > 0

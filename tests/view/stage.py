@@ -13,6 +13,9 @@ from pathlib import Path
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.publisher import Publisher
+from rclpy.service import Service
+from rclpy.subscription import Subscription
 
 from tests.view.fake_browser import FakeBrowser
 from tests.view.fake_simulator import FakeSimulator
@@ -92,6 +95,19 @@ class Stage:
         browser = FakeBrowser(self.url)
         browser.wait(lambda: browser.pictures() > 3)
         return browser
+
+    def destroy(self, *entities: Publisher | Subscription | Service) -> None:
+        """Remove publishers, subscriptions and services of the simulator in the thread that spins it.
+
+        From another thread, the executor may be just about to wait for them, and ends with InvalidHandle.
+        """
+        kinds = {
+            Publisher: self.sim.destroy_publisher,
+            Subscription: self.sim.destroy_subscription,
+            Service: self.sim.destroy_service,
+        }
+        for entity in entities:
+            self.wait(self._executor.create_task(kinds[type(entity)], entity).done)
 
     def wait(self, what: Callable[[], object]) -> object:
         until = time.monotonic() + DEADLINE

@@ -183,7 +183,7 @@ def test_every_control_of_every_scene_does_what_it_says(
             assert opened.errors == [], scene
         opened.page.locator("#begin").click()
         assert opened.page.locator("#start").count() == 0
-    stage.sim.destroy_subscription(requests)
+    stage.destroy(requests)
     stage.wait(lambda: stage.watchers() == 0)
 
 
@@ -368,10 +368,9 @@ def test_a_recorder_is_started_and_stopped(stage: Stage, browser: Any) -> None:
         health.publish(DiagnosticArray(status=[status_message(name, "", Level.ERROR, ended, values)]))
         opened.text("#recording", ended, "there.mcap")
         opened.wait("document.querySelector('#record').textContent === 'Record'")
-        stage.sim.destroy_publisher(health)
+        stage.destroy(health)
         assert opened.errors == []
-    for service in services:
-        stage.sim.destroy_service(service)
+    stage.destroy(*services)
 
 
 def test_a_page_that_lost_its_node_says_so_and_comes_back(stage: Stage, browser: Any) -> None:

@@ -395,7 +395,7 @@ def test_the_handle_turns_where_the_goal_is_an_orientation(stage: Stage, browser
     browser.drop()
     goals.publish(String(data="position"))
     browser.wait(lambda: not may_turn())
-    stage.sim.destroy_publisher(goals)
+    stage.destroy(goals)
 
 
 def test_inverse_kinematics_starts_at_the_handle_which_rides_on_the_effector(
@@ -502,8 +502,7 @@ def test_numbers_that_are_none_are_refused_by_name(stage: Stage, browser: FakeBr
                 figures.publish(String(data=text)) or lines_naming(browser.text(), *named)
             )
         )
-    for publisher in (status, figures, ranges):
-        stage.sim.destroy_publisher(publisher)
+    stage.destroy(status, figures, ranges)
 
 
 def test_each_of_several_bodies_has_a_colour_of_its_own(stage: Stage, browser: FakeBrowser) -> None:
