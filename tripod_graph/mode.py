@@ -117,8 +117,8 @@ class ModeTracker:
 
     - STOP is obeyed at once, whoever says it and whatever its stamp; one that is said again after `PAUSE` [s] is new.
     - Of other decisions the one made last counts, by its stamp; one stamped ahead of `wall`, or not stamped, counts as
-      made when it is heard. What was decided before the one in force is ignored; two of one source are compared by
-      its own clock.
+      made when it is heard. What was decided before the one in force is ignored. A decision of the source in force
+      counts as well if its stamp is newer than all that were heard of that source: one clock made them.
     - A decision holds for its lease after it was last heard. Then its operator is lost, which is a STOP. If it is
       heard again within `RETURN` [s], it goes on.
     - A decision that is repeated after it was overruled stays overruled: a new one has another stamp. The repetitions
@@ -145,6 +145,7 @@ class ModeTracker:
         self._heard, self._lease = float("-inf"), LEASE
         self._stop_heard = float("-inf")
         self._restamped = False
+        self._newest: OrderedDict[str, float] = OrderedDict()  # stamp of each source
         self._overruled: OrderedDict[tuple[str, int], _Overruled] = OrderedDict()
         self._solver, self._solver_heard = "", float("-inf")
 
@@ -169,8 +170,10 @@ class ModeTracker:
             return self._leave(decision.source, now) or lapsed
         if decision.mode == Mode.STOP:
             decision = replace(decision, source=decision.source[:LONGEST_NAME])
+            self._is_newest(decision)
             return self._stop(decision, wall - decision.stamp, now)
         _check(decision)
+        newest = self._is_newest(decision)
         if self._mode is not Mode.STOP and (decision.mode, decision.source) == (self._mode, self.source):
             self._restamped = decision.stamp != self.stamp
             self.stamp, self._lease, self._heard = decision.stamp, decision.lease or LEASE, now
@@ -180,7 +183,7 @@ class ModeTracker:
             return lapsed
         age = 0.0 if decision.stamp == 0 or decision.stamp > wall else wall - decision.stamp
         decided = now - age
-        own = decision.source == self.source and decision.stamp > self.stamp  # by one clock, be it wrong
+        own = decision.source == self.source and newest  # by one clock, be it wrong
         if not (own or decided >= self._decided):  # NaN decides nothing
             why = f"older than what is in force, {self._in_force()}"
             if decision.source == self.lost:
@@ -255,6 +258,16 @@ class ModeTracker:
 
     def _in_force(self) -> str:
         return str(Decision(self._mode, self.source, self.stamp))
+
+    def _is_newest(self, decision: Decision) -> bool:
+        """Return whether its stamp is newer than those of its source before; note it."""
+        newest = decision.stamp > self._newest.get(decision.source, float("-inf"))
+        if newest:
+            self._newest[decision.source] = decision.stamp
+            self._newest.move_to_end(decision.source)
+            if len(self._newest) > REMEMBERED:
+                self._newest.popitem(last=False)
+        return newest
 
     def _is_overruled(self, decision: Decision, now: float) -> bool:
         key = decision.source, decision.mode

@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.messages import assert_names, raises_naming
@@ -55,6 +55,8 @@ def test_it_begins_stopped_and_tells_of_what_comes_into_force() -> None:
     source=st.sampled_from(["", "a", "z"]),
     lease=st.floats(allow_nan=True),
 )
+@example([(Mode.TELEOP, "b", 0.0), (Mode.TELEOP, "a", 1.0)], 0.0, "a", 0.0)  # a's first decision was ignored
+@example([(Mode.TELEOP, "a", 0.0), (Mode.IK, "a", -1.0)], -2.0, "a", 0.0)
 def test_stop_is_obeyed_whatever_was_stamped_before_and_whatever_its_own_stamp(
     before, stamp, source, lease
 ) -> None:

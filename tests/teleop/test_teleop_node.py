@@ -308,7 +308,7 @@ class Desk:
     def restore(self) -> None:
         pass
 
-    def print(self, text: str) -> None:  # noqa: A003
+    def print(self, text: str) -> None:
         pass
 
 
