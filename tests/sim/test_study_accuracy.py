@@ -117,7 +117,7 @@ def test_a_result_has_errors_costs_front_order_and_rows_of_what_diverged() -> No
     assert found["front"] == [0, 1, 2]
     assert found["cheapest"] == {"10%": 1, "5%": 1, "1%": None, "0.1%": None}
     assert found["orders"] == [
-        {"settings": {"end": "ok", "pause": 0.0, "log": ""}, "order": pytest.approx(2.0), "points": 3}
+        {"settings": {"end": "ok", "gate": "", "log": ""}, "order": pytest.approx(2.0), "points": 3}
     ]
     assert found["reference"]["own_error"] == pytest.approx(1e-4 * math.hypot(1, 0.1), rel=1e-3)
     assert found["machine"]["calibration"] == 0.04
