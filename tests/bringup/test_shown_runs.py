@@ -158,7 +158,9 @@ def viewed(words: list[str]) -> tuple[subprocess.Popen[str], str]:
 
 
 def fetched(address: str) -> str:
-    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(address, timeout=PATIENCE) as answer:
+    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(
+        address, timeout=PATIENCE
+    ) as answer:
         return str(answer.read().decode())
 
 
