@@ -145,7 +145,7 @@ def other_value(p: Parameter) -> object:
     return 0.9 * p.default + 0.1 * (p.low or 0.0)
 
 
-@pytest.mark.parametrize("name", sampled(PROGRAMS, "sim", "driver"))
+@pytest.mark.parametrize("name", sampled(PROGRAMS, "driver"))
 def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
     name: str, domain: int, tmp_path: Path
 ) -> None:

@@ -31,7 +31,7 @@ def test_every_command_may_be_interrupted(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("domain")
-@pytest.mark.parametrize("name", sampled(NODES, "sim", "solve --live"))
+@pytest.mark.parametrize("name", sampled(NODES, "sim"))
 def test_every_node_may_be_interrupted(name: str, tmp_path: Path) -> None:
     for k, delay in enumerate((0.05, 0.8, 2.0)):
         check(NODES[name], SIGNALS[k % 2], delay, tmp_path)

@@ -1,5 +1,6 @@
 """Nothing jumps: the short version of benchmarks/histories.py, and what its measure sees."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,11 @@ def failing(switched_on, protocol: str, folder: Path, seeds, *, hidden: bool) ->
     return found
 
 
+def halves(seeds: Sequence[int]) -> list[object]:
+    """Return the first seeds, for `make test`, and the others, for `make test-slow`."""
+    return [seeds[:8], pytest.param(seeds[8:], marks=pytest.mark.slow)]
+
+
 FAILED_FRAMED = (*range(21), 42, 64, 197)
 """The first of them failed before ramps began at the place of the servos, the last ones on the way there."""
 
@@ -43,12 +49,14 @@ FAILED_LEGACY = range(24)
 """The first six were seen to fail, at the first connect, before the driver knew where that firmware puts the servos."""
 
 
-def test_in_random_histories_no_pulse_of_the_projects_firmware_jumps(switched_on, tmp_path) -> None:
-    assert failing(switched_on, "framed", tmp_path, FAILED_FRAMED, hidden=True) == {}
+@pytest.mark.parametrize("seeds", halves(FAILED_FRAMED), ids=["first", "rest"])
+def test_in_random_histories_no_pulse_of_the_projects_firmware_jumps(switched_on, tmp_path, seeds) -> None:
+    assert failing(switched_on, "framed", tmp_path, seeds, hidden=True) == {}
 
 
-def test_in_random_histories_no_pulse_of_the_workshops_firmware_jumps(switched_on, tmp_path) -> None:
-    assert failing(switched_on, "legacy", tmp_path, FAILED_LEGACY, hidden=False) == {}
+@pytest.mark.parametrize("seeds", halves(FAILED_LEGACY), ids=["first", "rest"])
+def test_in_random_histories_no_pulse_of_the_workshops_firmware_jumps(switched_on, tmp_path, seeds) -> None:
+    assert failing(switched_on, "legacy", tmp_path, seeds, hidden=False) == {}
 
 
 def test_the_measure_sees_a_jump(switched_on, tmp_path) -> None:

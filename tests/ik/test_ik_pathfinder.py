@@ -185,6 +185,7 @@ def test_ways_of_turned_and_mirrored_questions_are_turned_and_mirrored(flat, fin
     assert images[1].names(names, state.joint_names) == ("servo_2 torque", "snap", "servo_1 angle max")
 
 
+@pytest.mark.slow
 def test_a_way_is_known_where_all_poses_are(slid_in):
     """Of few angles all poses are soon found: then the present one is still among them."""
     finder = Pathfinder(slid_in, AngleLimit(-1.8, -1.2))
