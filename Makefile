@@ -8,8 +8,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 .PHONY: help setup demo test test-slow test-all lint bench docs labs firmware clean
 
-# a process for each processor, up to four: each needs about 1 GB
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=worksteal
+PYTEST := $(BIN)/python -m pytest -n auto --dist=worksteal
 
 help: ## Show this list (default)
 	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18

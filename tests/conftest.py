@@ -23,6 +23,9 @@ set_environment()
 INSTALL = re.compile(r"(sudo apt-get install|pip install) (.+)$")
 """How the reason of a skipped test ends if a program or a package is missing."""
 
+MOST_WORKERS = 4
+"""Processes that share the tests."""
+
 # The same examples in every run: a failure is of the code, not of the draw. No deadline: machines are shared.
 for _name, _count in {"fast": 50, "thorough": 300}.items():
     settings.register_profile(_name, derandomize=True, deadline=None, database=None, max_examples=_count)
@@ -44,6 +47,14 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", "") and "PYTHONPYCACHEPREFIX" not i
 for _number in (signal.SIGINT, signal.SIGHUP):
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, lambda *_: None)
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Return how many processes `-n auto` means: one more than processors, since some tests wait.
+
+    Each needs about 1 GB.
+    """
+    return min(len(os.sched_getaffinity(0)) + 1, MOST_WORKERS)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -91,7 +91,7 @@ def passes(name: str, arguments: Sequence[str]) -> bool:
         print(f"{name}: passed before", flush=True)
         return True
     print(f"{name}: running the tests; log: {log}", flush=True)
-    command = [sys.executable, "-m", "pytest", "-n", "auto", "--maxprocesses=4", *arguments]
+    command = [sys.executable, "-m", "pytest", "-n", "auto", "--dist=worksteal", *arguments]
     start = time.monotonic()
     with log.open("w", encoding="utf-8") as out:
         code = subprocess.call(command, cwd=ROOT, env=environment(name), stdout=out, stderr=subprocess.STDOUT)
