@@ -57,6 +57,7 @@ def test_noise_of_every_kind_begins_no_pulse_and_does_not_keep_a_host_out(native
         assert native.state is BoardState.ACTIVE
 
 
+@pytest.mark.slow
 def test_seventy_five_windows_of_noise_on_the_line_make_no_pulse(make_board) -> None:
     for seed in range(75):
         board, rng = make_board(), random.Random(seed)

@@ -57,6 +57,7 @@ def poses(values: dict[str, float], scene=SCENE) -> np.ndarray:
     return predict(assumed, Measured(None, ANGLES, None, POSE, np.zeros((3, 6))), ())
 
 
+@pytest.mark.slow
 def test_bars_hold_nine_of_ten_robots_drawn_from_the_posterior() -> None:
     known = posterior()
     bars = pose_bars(SCENE, known, ANGLES, SLIDES)

@@ -385,6 +385,7 @@ def test_a_motion_is_fitted_from_its_beginning_on() -> None:
     assert np.exp(_in_step(problem, np.ones(30, dtype=bool), {})[0]) == pytest.approx(240e3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_errors_of_a_motion_that_hang_together_are_told() -> None:
     data = sagging([], {"material.young": 240e3}, 1e-4)
     wave = 1e-3 * np.sin(2 * np.pi * 8 * data.times)[:, None] * [1.0, 0.0, 1.0]

@@ -100,6 +100,7 @@ def test_a_robot_whose_own_pose_is_firmer_begins_there_and_reaches_what_is_below
     np.testing.assert_allclose(found["position"], target, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_search_that_creeps_along_a_snap_ends_and_says_so() -> None:
     model = StaticModel(load_scene(EMIO), angles=np.full(4, HOME))
     solver = InverseSolver(model, AngleLimit(-3.15, 3.15))

@@ -235,6 +235,7 @@ def test_where_torque_or_box_is_active_the_pose_is_the_closest_within_the_limits
     assert active > 1
 
 
+@pytest.mark.slow
 def test_where_a_torque_limit_parts_the_poses_the_closest_is_beyond_the_gap(everywhere, solved):
     """From where the search begins no way leads there that keeps to the limit; only a search everywhere finds it."""
     model, parted = everywhere.model, 0
