@@ -454,7 +454,9 @@ def test_the_arms_of_another_scene_do_not_stand_as_those_before(stage: Stage, br
     stage.wait(lambda: stage.sim.ticks > ticks + 1)
     stage.sim.publish_joints(np.array([-0.9, -0.9, -0.9, 0.02]))
     turned = pytest.approx(np.cos(0.45), abs=1e-3)
-    browser.wait(lambda: turns("/arms/0")[-1][0] == turned)  # what was on its way has arrived before the scene
+    browser.wait(
+        lambda: turns("/arms/0")[-1][0] == turned
+    )  # what was on its way has arrived before the scene
     stage.sim.jump_to(0.0, 0.0, 0.0, 0.0)
     show(stage.sim, "cross")
     browser.wait(lambda: browser.value("scene")["name"] == "cross")
