@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 import pytest
 from hypothesis import settings
 
-from tests.domains import own_domain
+from tests.domains import DOMAINS, own_domain
 from tripod_bringup.compiling import garbage_left
 from tripod_host.program import set_environment
 
@@ -30,6 +30,10 @@ MOST_WORKERS = 4
 for _name, _count in {"fast": 50, "thorough": 300}.items():
     settings.register_profile(_name, derandomize=True, deadline=None, database=None, max_examples=_count)
 settings.load_profile("fast")
+
+# Nodes of tests meet no others and stay on this machine. A test that starts nodes takes the fixture `domain` besides.
+os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % DOMAINS[-1] + 1)
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 # What a driver remembers of its boards is nobody's but the test's, also in the processes that tests start.
 os.environ["XDG_STATE_HOME"] = mkdtemp(prefix="tripod_state_")

@@ -240,10 +240,7 @@ def run_tests(tree: Path, files: Sequence[str], log: Path) -> str | None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
     command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", *files]
-    environment = dict(os.environ) | {
-        "PYTHONPATH": str(tree),
-        "OMP_NUM_THREADS": "1",
-    }
+    environment = {**os.environ, "PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
     with log.open("w", encoding="utf-8") as out:
         code = subprocess.call(
             command, cwd=tree, env=environment, stdout=out, stderr=subprocess.STDOUT, preexec_fn=limit

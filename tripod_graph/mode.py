@@ -261,12 +261,11 @@ class ModeTracker:
 
     def _is_newest(self, decision: Decision) -> bool:
         """Return whether its stamp is newer than those of its source before; note it."""
-        newest = decision.stamp > self._newest.get(decision.source, float("-inf"))
-        if newest:
-            self._newest[decision.source] = decision.stamp
-            self._newest.move_to_end(decision.source)
-            if len(self._newest) > REMEMBERED:
-                self._newest.popitem(last=False)
+        before = self._newest.pop(decision.source, float("-inf"))
+        newest = decision.stamp > before
+        self._newest[decision.source] = decision.stamp if newest else before
+        if len(self._newest) > REMEMBERED:  # that in force and the one just heard are not forgotten
+            del self._newest[next(source for source in self._newest if source != self.source)]
         return newest
 
     def _is_overruled(self, decision: Decision, now: float) -> bool:

@@ -14,6 +14,7 @@ from tripod_graph.mode import (
     LONGEST_NAME,
     NONE,
     PAUSE,
+    REMEMBERED,
     RETURN,
     SILENCE,
     STRAGGLERS,
@@ -304,3 +305,17 @@ def test_nobody_is_obeyed_once_the_operator_is_lost() -> None:
     assert tracker.admits("/ik#a", 0.1) == ""
     tracker.lapse(1.2)
     assert tracker.admits("/ik#a", 1.3) != ""
+
+
+def test_a_crowd_of_others_does_not_make_a_repeated_decision_newer_than_the_stop() -> None:
+    tracker = ModeTracker()
+    tracker.hear(Decision(Mode.TELEOP, "b", 995.0), 1000.0, 0.0)
+    for k in range(5):
+        for n in range(REMEMBERED // 2):
+            tracker.hear(Decision(Mode.IK, f"c{k}.{n}", 1.0), 1000.0, 0.1)
+        tracker.hear(Decision(Mode.TELEOP, "a", 990.0), 1000.0, 0.1)
+    tracker.hear(Decision(Mode.STOP, "a"), 1000.0, 0.2)
+    for n in range(3 * REMEMBERED):
+        tracker.hear(Decision(Mode.IK, f"d{n}", 1.0), 1000.0, 0.3)
+    tracker.hear(Decision(Mode.TELEOP, "a", 990.0), 1000.0, 0.4)
+    assert tracker.mode is Mode.STOP
