@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from tripod_record.bag import Bag
-from tripod_record.errors import RecordError
 from tripod_sim.recording import Recording
 from tripod_sim.rerun import Ended, Rerun
 
@@ -20,13 +19,8 @@ RATE = 50.0
 def session_arrays(rerun: Rerun, bag: Bag, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Make the session again and return its pictures; time goes on where the simulation was reset.
 
-    Raises SceneError, StepError; RecordError where its settings changed: a page has one mesh.
+    Raises SceneError, StepError.
     """
-    if rerun.others:
-        raise RecordError(
-            f"{bag.info.path}: the simulator changed its settings in between, and a page shows one mesh: watch it by "
-            "`tripod bag play --to sim` and `tripod view`"
-        )
     simulation, length = rerun.simulation, max(bag.info.duration, 1e-9)
     recording = Recording(simulation, PICTURES + 2)
     every = max(1, round(max(1 / RATE, length / PICTURES) / simulation.scene.dt))

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_graph import names
-from tripod_record.bag import Bag, Heard
+from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
-from tripod_sim.checkpoint import checkpoint_place, checkpoint_scene
 from tripod_sim.rerun import Body, Commands, Rerun, Saved
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import scene_from_toml
@@ -23,18 +22,15 @@ class Session:
         bag: The recording.
         namespace: Of the simulator, with a slash at its end.
         scene: That was simulated.
-        others: The same with other settings, with which it went on: the machine was too slow, or had room again.
     """
 
     bag: Bag
     namespace: str
     scene: Scene
-    others: tuple[Scene, ...] = ()
 
     def rerun(self) -> Rerun:
-        """Return what makes the steps again, with new simulations. Raises SceneError, StepError."""
-        others = [Simulation(scene) for scene in self.others]
-        return Rerun(Simulation(self.scene), self._commands(), self._bodies(), others=others)
+        """Return what makes the steps again, with a new simulation. Raises SceneError, StepError."""
+        return Rerun(Simulation(self.scene), self._commands(), self._bodies())
 
     def _commands(self) -> Iterator[Commands | Saved]:
         commands, checkpoint = self.namespace + names.COMMANDS, self.namespace + names.CHECKPOINT
@@ -80,21 +76,10 @@ def read_session(bag: Bag, wanted: Callable[[str], bool] = lambda _: True) -> Se
             f"{bag.info.path} holds {len(whole)} simulators, of {', '.join(whole)}: choose one by "
             f"--topics '{whole[0]}*'"
         )
-    first, *others = dict.fromkeys(bag.decoded(heard).data for heard in _of(bag, whole[0] + names.SCENE))
-    if others and not set(others) <= {first, *_changes(bag, whole[0])}:
+    scenes = dict.fromkeys(bag.decoded(heard).data for heard in bag.messages((whole[0] + names.SCENE).__eq__))
+    if len(scenes) > 1:
         raise RecordError(
-            f"{bag.info.path} holds {1 + len(others)} scenes: the simulator was started anew in between"
+            f"{bag.info.path} holds {len(scenes)} scenes: the simulator was restarted with other settings in between, "
+            "so its steps cannot be made again; `tripod bag play --to topics` plays what was published"
         )
-    return Session(bag, whole[0], scene_from_toml(first), tuple(map(scene_from_toml, others)))
-
-
-def _changes(bag: Bag, namespace: str) -> Iterator[str]:
-    """Yield the scenes with which a simulator went on: each at a checkpoint that is not of its first epoch."""
-    for heard in _of(bag, namespace + names.CHECKPOINT):
-        data = bytes(bag.decoded(heard).data)
-        if checkpoint_place(data)[0]:
-            yield checkpoint_scene(data)
-
-
-def _of(bag: Bag, topic: str) -> Iterator[Heard]:
-    return bag.messages(topic.__eq__)
+    return Session(bag, whole[0], scene_from_toml(next(iter(scenes))))

@@ -286,7 +286,7 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
         return ""
     sim = values.setdefault("sim", {})
     sim["set"] = ";".join(choice.overrides)
-    if study:  # which tells what is cheaper, too
+    if study:  # from which the simulator proposes, too
         sim["study"] = str(study.absolute())
     return choice.sentence
 

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from tripod_host.arrays import FloatArray
 from tripod_identify.fit import Fit, pseudo_residuals
@@ -27,8 +28,8 @@ from tripod_identify.model import Rest, Told, closely, motion
 from tripod_identify.problem import Problem, other_elements, refined
 from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.handover import bent_like
 from tripod_sim.state import State
+from tripod_sim.system import System
 
 ROWS = 30
 """Poses at which other meshes are solved; between them their changes are polynomials of second degree."""
@@ -257,3 +258,36 @@ def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArra
             fine.settle(start, joints[k])
         settled.append(start)
     return settled
+
+
+def bent_like(coarse: System, states: Sequence[State], fine: System, joints: FloatArray) -> list[State]:
+    """Return states on another mesh of the same body, bent as `states` are, with its driven frames at `joints`.
+
+    Displacements are interpolated linearly between the nodes of `coarse`. Modes and velocities are zero. The states are
+    not in equilibrium.
+
+    Args:
+        coarse: Of `states`, whose rigid groups are those of `fine`.
+        states: k of them.
+        fine: Of what is returned.
+        joints: Shape (k, s + 1).
+    """
+    places, own = coarse.rest, fine.rest
+    moved = np.stack([state.positions - places for state in states], axis=1)
+    found = LinearNDInterpolator(places, moved, rescale=True)(own)
+    lost = ~np.isfinite(found).all(axis=(1, 2))
+    found[lost] = NearestNDInterpolator(places, moved, rescale=True)(own[lost])
+    placed, undeformed, bent = fine.groups.placed(own), coarse.groups.placed(places), list[State]()
+    for k, state in enumerate(states):
+        start = fine.undeformed(np.zeros_like(joints[k]))
+        start.positions[:] = own + found[:, k]
+        for b, nodes in enumerate(fine.groups.rigid):
+            centre, R = placed[nodes].mean(axis=0), state.rotations[b]
+            start.rotations[b] = R
+            start.centres[b] = state.centres[b] + R @ (
+                centre - undeformed[coarse.groups.rigid[b]].mean(axis=0)
+            )
+            start.positions[nodes] = start.centres[b] + (placed[nodes] - centre) @ R.T
+        fine.drive(start, joints[k])
+        bent.append(start)
+    return bent

@@ -11,8 +11,6 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Scene
-from tripod_sim.scene_file import scene_to_toml
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 
@@ -29,16 +27,14 @@ class Checkpoint:
     """Where a simulation dropped what it kept from earlier steps, so that the next depends on this alone.
 
     Attributes:
-        epoch: How often it had been reset, or had changed its settings.
+        epoch: How often it had been reset.
         state: With the number of the step.
         torques: Of the servos [N m], shape (s,).
-        scene: That is simulated from here on; None: the one that was.
     """
 
     epoch: int
     state: State
     torques: FloatArray
-    scene: Scene | None = None
 
 
 def checkpoint_bytes(checkpoint: Checkpoint) -> bytes:
@@ -47,8 +43,6 @@ def checkpoint_bytes(checkpoint: Checkpoint) -> bytes:
     numbers: dict[str, Any] = {"epoch": checkpoint.epoch, "torques": checkpoint.torques}
     for name, owner, field in _leaves(checkpoint.state):
         numbers[f"state.{name}"] = getattr(owner, field)
-    if checkpoint.scene:
-        numbers["scene"] = np.frombuffer(scene_to_toml(checkpoint.scene).encode(), np.uint8)
     np.savez(file, **numbers)
     return file.getvalue()
 
@@ -88,15 +82,6 @@ def checkpoint_place(data: bytes) -> tuple[int, int]:
     try:
         with np.load(io.BytesIO(data[:LARGEST]), allow_pickle=False) as numbers:
             return int(numbers["epoch"]), int(numbers["state.step"])
-    except UNREADABLE as error:
-        raise SceneError(f"not a checkpoint: {error}") from None
-
-
-def checkpoint_scene(data: bytes) -> str:
-    """Return the scene of a checkpoint as TOML; empty where it does not tell. Raises SceneError if it is none."""
-    try:
-        with np.load(io.BytesIO(data[:LARGEST]), allow_pickle=False) as numbers:
-            return bytes(numbers["scene"]).decode() if "scene" in numbers else ""
     except UNREADABLE as error:
         raise SceneError(f"not a checkpoint: {error}") from None
 

@@ -13,12 +13,11 @@ HEAD = 4
 class Journal:
     """Runs of steps with the same joints, noted by the physics and taken by whoever publishes them.
 
-    A run is a row: epoch (how often the simulation was reset or went on as another), first and last step since the
-    reset, stamp of the last [ns], then the joints of these steps: angles [rad] and slide [m]; none in a scene without
-    servos.
+    A run is a row: epoch (how often the simulation was reset), first and last step since the reset, stamp of the last
+    [ns], then the joints of these steps: angles [rad] and slide [m]; none in a scene without servos.
 
     Attributes:
-        epoch: How often the simulation was reset, or went on as another.
+        epoch: How often the simulation was reset.
     """
 
     def __init__(self) -> None:
@@ -39,7 +38,7 @@ class Journal:
             self._rows.append([self.epoch, step, step, stamp, *values])
 
     def reset(self) -> None:
-        """Note that the simulation is back in its start state, or goes on as another."""
+        """Note that the simulation is back in its start state."""
         with self._lock:
             self.epoch, self._bits = self.epoch + 1, b""
 

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,15 +38,14 @@ from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
 from tripod_host.arrays import FloatArray
 from tripod_sim import messages, realtime
+from tripod_sim.accuracy import lag
 from tripod_sim.effects import EFFECTS
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.errors import effector_error, mesh_error
 from tripod_sim.figures.stability import snap_words
 from tripod_sim.joints import Joints
-from tripod_sim.keep_up import PERIOD as LOOK_PERIOD
-from tripod_sim.keep_up import KeepUp, Settings
 from tripod_sim.notices import known, notices, stalls
-from tripod_sim.realtime import RealTime, Snapshot
+from tripod_sim.realtime import RealTime, Snapshot, Speed
 from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
 from tripod_sim.scene import Scene
@@ -82,6 +82,7 @@ class SimNode(Node):
         values = declare(self, PARAMETERS, self._adopt)
         self._successor = Successor(self._no_successor)
         self._source, self._overrides, self._changes = values["scene"], list[str](), list[str]()
+        self._study = Path(values["study"]) if values["study"] else None
         simulation = rerun.simulation if rerun else self._build(values, begin)
         scene, self._rerun = simulation.scene, rerun
         self._notes = simulation.notes
@@ -100,7 +101,6 @@ class SimNode(Node):
             *([names.JOINT_STATES] if values["joint_states"] else []),
         )
         self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.torques))
-        self._told = simulation
         self._join_graph(simulation)
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(
@@ -120,14 +120,14 @@ class SimNode(Node):
         self._shown: Snapshot | None = None
         self._shown_at = 0.0
         self._pose_rate = values["pose_rate"]
-        self._count_poses(simulation)
+        self._count_poses()
         self._body_timer = self.create_timer(
             1 / values["body_rate"], self._on_body_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
-        self._keep_up = self._look_after(values) if rerun is None else None
-        self._teller.standing = lambda: self._successor.words or self._kept()
+        self._lag = self._watch_speed(values)
+        self._teller.standing = lambda: self._successor.words or self._lag.advice(self._physics.speed())
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
@@ -162,8 +162,7 @@ class SimNode(Node):
         """Return the overrides of the setting for an accuracy, and say what it is. Raises SceneError."""
         from tripod_sim.accuracy.choice import choose  # noqa: PLC0415 - only where it is asked for
 
-        study = Path(values["study"]) if values["study"] else None
-        choice = choose(values["scene"], values["accuracy"], overrides, study=study)
+        choice = choose(values["scene"], values["accuracy"], overrides, study=self._study)
         self.get_logger().info(choice.sentence)
         return list(choice.overrides)
 
@@ -174,23 +173,23 @@ class SimNode(Node):
             self._limits = self._follower.limits = limits
             self._range.adopt(limits)
         self._pose_rate = values["pose_rate"]
-        self._count_poses(self._physics.simulation)
+        self._count_poses()
         self._physics.compliance_period = 1 / values["compliance_rate"]
         set_period(self._body_timer, 1 / values["body_rate"])
 
-    def _count_poses(self, simulation: Simulation) -> None:
-        self._pose_every = max(1, round(1 / (self._pose_rate * simulation.scene.dt)))
+    def _count_poses(self) -> None:
+        self._pose_every = max(1, round(1 / (self._pose_rate * self._physics.simulation.scene.dt)))
 
-    def _look_after(self, values: Mapping[str, Any]) -> KeepUp | None:
-        """Return what keeps real time by cheaper settings; None where nobody wants that, or time is simulated."""
-        if not values["keep_up"] or values["publish_clock"]:
-            return None
-        study = Path(values["study"]) if values["study"] else None
-        settings = Settings(self._source, (*self._overrides, *self._changes), study)
-        keep_up = KeepUp(self._physics, settings, self.get_logger().warning, self._count_poses)
-        look = lambda: keep_up.look(beside=self._successor.changes is not None)  # noqa: E731
-        self.create_timer(LOOK_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        return keep_up
+    def _watch_speed(self, values: Mapping[str, Any]) -> lag.LagMonitor:
+        """Return what says that the steps are slower than real time; nothing has to be real time where time is
+        simulated or a recording is played."""
+        words = (*self._overrides, *self._changes)
+        propose = partial(lag.proposal, self._source, words, study=self._study)
+        monitor = lag.LagMonitor(propose, self.get_logger().warning)
+        if not (values["publish_clock"] or self._rerun):
+            look = lambda: monitor.look(self._physics.speed(), time.monotonic())  # noqa: E731
+            self.create_timer(lag.PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        return monitor
 
     def _join_graph(self, simulation: Simulation) -> None:
         self._topics = SceneTopics(self, simulation)
@@ -235,8 +234,7 @@ class SimNode(Node):
 
     def close(self) -> None:
         """End the physics."""
-        if self._keep_up:
-            self._keep_up.close()
+        self._lag.close()
         self._successor.close()
         self._physics.stop()
 
@@ -267,11 +265,7 @@ class SimNode(Node):
         assert self._rerun
         if self._simulated:
             self._simulated.pass_by()
-        joints = self._rerun.joints()
-        if self._rerun.simulation is not self._physics.simulation:
-            self._physics.change(self._rerun.simulation)
-            self._count_poses(self._rerun.simulation)
-        return joints
+        return self._rerun.joints()
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
         self._teller.keep(snapshot)
@@ -297,7 +291,7 @@ class SimNode(Node):
     # executor -------------------------------------------------------------------------------------------------
 
     def _on_body_timer(self) -> None:
-        snapshot = self._newest()
+        snapshot = self._physics.latest
         now = time.monotonic()
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
@@ -307,18 +301,9 @@ class SimNode(Node):
         if self._transforms:
             self._transforms.publish(snapshot)
 
-    def _newest(self) -> Snapshot:
-        """Return the newest snapshot, having told of its simulation."""
-        simulation, snapshot = self._physics.shown
-        if simulation is not self._told:
-            self._told = simulation
-            self._topics.show(simulation)
-            self._teller.change(simulation, snapshot)
-        return snapshot
-
     def _follow(self, command: Command) -> str:
         if not self._arms:
-            raise CommandError(f"scene {self._told.scene.name!r} has no servos")
+            raise CommandError(f"scene {self._physics.simulation.scene.name!r} has no servos")
         with self._lock:
             self._look(command.now)
             if why := self._authority.admits(command.source, command.now):
@@ -408,10 +393,11 @@ class SimNode(Node):
         if request.do == "effect":
             changes = changed(now, request)
         elif request.do == "accuracy":
-            from tripod_sim.accuracy.choice import choose  # noqa: PLC0415 - only where it is asked for
+            from tripod_sim.accuracy.choice import switched  # noqa: PLC0415 - only where it is asked for
 
             effects = [w for w in now if w.partition("=")[0] in EFFECTS]
-            changes = list(choose(self._source, request.accuracy, [*self._overrides, *effects]).overrides)
+            words = [*self._overrides, *effects]
+            changes = list(switched(self._source, request.accuracy, words, study=self._study).overrides)
         self._successor.wish(self._source, self._overrides, changes)
 
     def _no_successor(self, why: str) -> None:
@@ -441,9 +427,9 @@ class SimNode(Node):
 
     def _on_status_timer(self) -> None:
         self._physics.want_compliance = (
-            effector_of(self._told.scene) is not None and self._compliance.get_subscription_count() > 0
+            effector_of(self._physics.simulation.scene) is not None
+            and self._compliance.get_subscription_count() > 0
         )
-        self._newest()
         self._publish_journal()
         with self._lock:
             self._range.lapse(time.monotonic())
@@ -472,11 +458,9 @@ class SimNode(Node):
 
     def _status_message(self) -> SimStatus:
         snapshot, speed = self._physics.latest, self._physics.speed()
-        scene, energies, report = self._told.scene, snapshot.energies, snapshot.report
-        error = report.time_error
-        message = (
-            f"{self._physics.failure}; call sim/reset" if self._physics.failure else self._notices(snapshot)
-        )
+        scene, energies, report = self._physics.simulation.scene, snapshot.energies, snapshot.report
+        error, failure = report.time_error, self._physics.failure
+        message = f"{failure}; call sim/reset" if failure else self._notices(snapshot, speed)
         return SimStatus(
             header=messages.header(self._stamp()), state=self._state(), message=message, scene=scene.name, dt=scene.dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
@@ -491,28 +475,25 @@ class SimNode(Node):
             lower=self._range.limits.lower[:-1], upper=self._range.limits.upper[:-1],
         )  # fmt: skip
 
-    def _notices(self, snapshot: Snapshot) -> str:
+    def _notices(self, snapshot: Snapshot, speed: Speed) -> str:
         beyond = cut(self._follower.joints, self._range.limits) if self._arms else ""
         words = (
             notices(snapshot),
             *self._authority.notices(time.monotonic()),
             beyond,
-            self._kept(),
+            self._lag.words(speed),
             self._successor.words,
             *self._notes,
         )
         return "; ".join(word for word in words if word)
 
-    def _kept(self) -> str:
-        """Return what was given up to keep real time, empty if nothing."""
-        return self._keep_up.notice if self._keep_up else ""
-
     def _too_seldom(self, factor: float) -> Iterator[str]:
         """Tell which topics of the steps come less often than declared, at a real-time factor."""
-        poses = 1.0 / (self._pose_every * self._told.scene.dt)
+        scene = self._physics.simulation.scene
+        poses = 1.0 / (self._pose_every * scene.dt)
         for topic, rate, told in (
             (names.SIM_JOINT_STATES, poses, self._arms),
-            (names.EFFECTOR_POSE, poses, effector_of(self._told.scene)),
+            (names.EFFECTOR_POSE, poses, effector_of(scene)),
             (names.COMPLIANCE, 1.0 / self._physics.compliance_period, self._physics.want_compliance),
         ):
             if told and (words := short(topic, factor * rate, rate)):
@@ -533,21 +514,12 @@ class SimNode(Node):
         snap = snap_words(*firmness) if (firmness := self._teller.firmness) else ""
         near = f"a snap is {snap}" if snap else ""
         still = STALLED if self._clock_of_motion.stalled else ""
-        told = (
-            stalls(latest),
-            latest.report.instability,
-            still,
-            self._rival.notice,
-            ignored,
-            near,
-            self._kept(),
-        )
+        told = (stalls(latest), latest.report.instability, still, self._rival.notice, ignored, near)
         if trouble := next(filter(None, told), ""):
             return Level.WARN, trouble, values
-        running = self._physics.activity is realtime.Activity.RUNNING
-        if running and 0 < speed.real_time_factor < 0.95:
-            slow = f"slower than real time: factor {speed.real_time_factor:.2f}"
+        if slow := self._lag.words(speed):
             return Level.WARN, "; ".join([slow, *self._too_seldom(speed.real_time_factor)]), values
+        running = self._physics.activity is realtime.Activity.RUNNING
         return Level.OK, "running" if running else "paused", values
 
 

@@ -27,6 +27,9 @@ WINDOW = 1.0
 ENERGY_PERIOD = 0.05
 """Shortest time between two looks at the energies while the physics runs [s]; they cost a fifth of a step."""
 
+BEHIND = 0.95
+"""Real-time factor below which the physics is too slow; a replay may have asked for less."""
+
 LATE = 0.1
 """Delay after which missed periods are skipped instead of made up for [s]."""
 
@@ -82,12 +85,16 @@ class Speed:
         median: Wall time of a step [s].
         p99: 99th percentile of it [s].
         missed: Periods skipped because the machine was late, since start.
+        load: CPU time of the physics thread over simulated time; above 1 no machine of this speed keeps real time.
+        behind: Whether the thread runs, and slower than real time.
     """
 
     real_time_factor: float
     median: float
     p99: float
     missed: int
+    load: float = 0.0
+    behind: bool = False
 
 
 class RealTime(threading.Thread):
@@ -129,7 +136,11 @@ class RealTime(threading.Thread):
         super().__init__(name="physics", daemon=True)
         self._command, self._rate = command, rate
         self._on_snapshot, self._on_reset, self._stamp = on_snapshot, on_reset, stamp
-        self._take(simulation)
+        self._simulation, dt = simulation, simulation.scene.dt
+        self._period = dt / rate
+        self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
+        self._done: deque[tuple[float, float]] = deque(maxlen=self._taken.maxlen)
+        self._energies_due = float("-inf")
         self.compliance_period = compliance_period
         self._missed = 0
         self._requests = threading.Condition()
@@ -143,33 +154,10 @@ class RealTime(threading.Thread):
         self.want_compliance = False
         self.latest = self._snapshot(compliance=False)
 
-    def _take(self, simulation: Simulation) -> None:
-        """Let `simulation` be the one that is stepped."""
-        self._simulation, dt = simulation, simulation.scene.dt
-        self._period = dt / self._rate
-        self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
-        self._done: deque[float] = deque(maxlen=self._taken.maxlen)
-        self._energies_due = float("-inf")
-
     @property
     def simulation(self) -> Simulation:
         """What is stepped."""
         return self._simulation
-
-    @property
-    def shown(self) -> tuple[Simulation, Snapshot]:
-        """The simulation and its newest snapshot; callable from any thread."""
-        with self._requests:
-            return self._simulation, self.latest
-
-    def change(self, simulation: Simulation) -> None:
-        """Go on with another simulation, which is where this one is; call it in an act of `between_steps`, or in
-        `command`. What follows is another epoch, and begins with a checkpoint."""
-        with self._requests:
-            self._take(simulation)
-            self.journal.reset()
-            self.request_checkpoint()
-            self.latest = self._snapshot(compliance=False)
 
     def run(self) -> None:
         """Step until `stop`."""
@@ -229,7 +217,7 @@ class RealTime(threading.Thread):
             start = clock.perf_counter()
             report = self._simulation.step(joints)
             self._taken.append(clock.perf_counter() - start)
-            self._done.append(clock.perf_counter())
+            self._done.append((clock.perf_counter(), clock.thread_time()))
             every = max(1, round(self.compliance_period / self._simulation.scene.dt))
             due = self.want_compliance and self._simulation.state.step % every == 0
             snapshot = self._snapshot(compliance=due)
@@ -257,7 +245,7 @@ class RealTime(threading.Thread):
         saved = self._simulation.save()
         self._simulation.restore(saved)
         self.journal.cut()
-        self._checkpoint = Checkpoint(self.journal.epoch, *saved, self._simulation.scene)
+        self._checkpoint = Checkpoint(self.journal.epoch, *saved)
 
     def request_checkpoint(self) -> None:
         """Make a checkpoint before the next step; `take_checkpoint` returns it."""
@@ -270,6 +258,7 @@ class RealTime(threading.Thread):
 
     def _reset(self) -> None:
         self._simulation.reset()
+        self._done.clear()
         self._energies_due = float("-inf")
         self.journal.reset()
         self.latest = self._snapshot(compliance=False)
@@ -305,22 +294,27 @@ class RealTime(threading.Thread):
         taken, done, dt = list(self._taken), list(self._done), self._simulation.scene.dt
         if len(done) < 2:
             return Speed(0.0, 0.0, 0.0, self._missed)
-        now = clock.perf_counter()
-        recent = [t for t in done if t > now - WINDOW]
+        now, running = clock.perf_counter(), self.activity is Activity.RUNNING
+        recent = [row for row in done if row[0] > now - WINDOW]
+        begun = recent[0] if len(recent) > 1 else done[-2]
+        wall, cpu = np.subtract(done[-1], begun).tolist()
+        simulated = max(1, len(recent) - 1) * dt
         if len(recent) > 1:
-            factor = (len(recent) - 1) * dt / max(recent[-1] - recent[0], 1e-9)
+            factor = simulated / max(wall, 1e-9)
         else:  # steps that take longer than the window, or none at all
-            slow = dt / max(done[-1] - done[-2], now - done[-1])
-            factor = slow if self.activity is Activity.RUNNING else 0.0
+            factor = dt / max(wall, now - done[-1][0]) if running else 0.0
         ranks = np.multiply((0.5, 0.99), len(taken) - 1)
         median, p99 = np.interp(ranks, np.arange(len(taken)), np.sort(taken)).tolist()
-        return Speed(factor, median, p99, self._missed)
+        behind = running and 0 < factor < BEHIND * min(1.0, self._rate)
+        return Speed(factor, median, p99, self._missed, cpu / simulated, behind)
 
     def pause(self, paused: bool, timeout: float = 2.0) -> None:
         """Pause, and wait for the end of the step at hand, or go on; a failure stays until the next reset."""
         with self._requests:
             if self.activity is not Activity.FAILED:
                 self.activity = Activity.PAUSED if paused else Activity.RUNNING
+            if not paused:
+                self._done.clear()  # the pause is no lack of speed
             self._requests.notify_all()
             if paused:
                 self._requests.wait_for(lambda: not self._stepping, timeout)

@@ -1,15 +1,14 @@
 """Makes the steps of a recorded session again and compares the body with the recorded one, bit for bit."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.checkpoint import checkpoint_place, checkpoint_scene, read_checkpoint
+from tripod_sim.checkpoint import checkpoint_place, read_checkpoint
 from tripod_sim.errors import SceneError
 from tripod_sim.journal import HEAD
-from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.simulation import Simulation
 
 STAMP_ERROR = 1000
@@ -72,8 +71,7 @@ class Rerun:
     Call `joints`, step with what it returns, call `compare`; until `joints` raises `Ended`.
 
     Attributes:
-        simulation: Of the recorded scene, in its start state; later the one that made the step at hand.
-        others: Those that took over from it, or from one another, while it was recorded; a checkpoint tells when.
+        simulation: Of the recorded scene, in its start state.
         stamp: Of the step at hand in the recording [ns].
         outcome: So far.
     """
@@ -83,7 +81,6 @@ class Rerun:
     bodies: Iterable[Body]
     stamp: float = 0.0
     outcome: Outcome = field(default_factory=Outcome)
-    others: Sequence[Simulation] = ()
 
     def __post_init__(self) -> None:
         self._saved: dict[tuple[int, int], bytes] = {}
@@ -111,29 +108,22 @@ class Rerun:
         self._look(self.simulation.state.step)
 
     def _play(self) -> Iterator[FloatArray | None]:
-        servos = bool(self.simulation.joints)
-        width = HEAD + (self.simulation.command.size if servos else 0)
+        simulation = self.simulation
+        servos = bool(simulation.joints)
+        width = HEAD + (simulation.command.size if servos else 0)
         here = (0, -1)  # epoch and step, where the body is the recorded one
-        all_of_them = (self.simulation, *self.others)
         for row in self._rows(width):
             epoch, first, last = (int(number) for number in row[:3])
             self.stamp = row[3]
             before = (epoch, first - 1)
             data = self._saved.pop(before, b"")
-            if self.others and epoch < here[0]:
-                raise SceneError("the simulator was started anew, and had changed its settings before")
-            other = self._other(data, all_of_them) if data and self.others else None
-            self.simulation = other or self.simulation
-            simulation = self.simulation
-            self._gather(self.stamp, first, last, begins=first == 1 or other is not None)
+            self._gather(self.stamp, first, last)
             if first == 1:
                 simulation.reset()
                 self._look(0)
             if data:  # also at the start: somebody may have changed the state there
                 saved = read_checkpoint(data, simulation)
                 simulation.restore((saved.state, saved.torques))
-                if other:
-                    self._look(first - 1)
             elif first != 1 and here != before:
                 self.outcome.lost += last - first + 1
                 self._leave()
@@ -142,18 +132,7 @@ class Rerun:
                 yield row[HEAD:] if servos else None
             here = (epoch, last)
             self._leave()
-        self._gather(np.inf, 1, 0, begins=True)
-
-    def _other(self, data: bytes, known: Sequence[Simulation]) -> Simulation | None:
-        """Return the simulation of the scene of a checkpoint; None where it is that at hand, or is not told."""
-        text = checkpoint_scene(data)
-        scene = scene_from_toml(text) if text else self.simulation.scene
-        if scene == self.simulation.scene:
-            return None
-        found = next((s for s in known if s.scene == scene), None)
-        if found is None:
-            raise SceneError("the recording lacks a scene that it goes on with")
-        return found
+        self._gather(np.inf, 1, 0)
 
     def _rows(self, width: int) -> Iterator[FloatArray]:
         """Yield the runs; a checkpoint that was published before a batch of them may stand behind it."""
@@ -176,12 +155,11 @@ class Rerun:
         if waiting is not None:
             yield from waiting
 
-    def _gather(self, until: float, first: int, last: int, *, begins: bool = False) -> None:
-        """Keep the bodies of steps `first` to `last`, of those that are stamped `until` [ns] or earlier; if something
-        `begins` there, that before them, too."""
+    def _gather(self, until: float, first: int, last: int) -> None:
+        """Keep the bodies of steps `first` to `last`, of those that are stamped `until` [ns] or earlier."""
         while self._body and self._body.stamp <= until + STAMP_ERROR:
             body, self._body = self._body, next(self._coming, None)
-            if first - begins <= body.step <= last:
+            if first <= body.step <= last or (body.step == 0 and first == 1):
                 self._due[body.step] = body
             elif (body.stamp, body.step) != self._last:  # a body that stands still is published again
                 self.outcome.unknown += 1

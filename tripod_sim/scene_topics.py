@@ -28,7 +28,7 @@ class SceneTopics:
     """
 
     def __init__(self, node: Node, simulation: Simulation) -> None:
-        """`node` publishes; `simulation` is shown first."""
+        """`node` publishes mesh and scene of `simulation` now, and the body when it is told to."""
         self._body = node.create_publisher(BodyState, names.BODY_STATE, SENSOR)
         self.markers = node.create_publisher(MarkerArray, names.MARKERS, SENSOR)
         self.cloud = node.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
@@ -36,10 +36,6 @@ class SceneTopics:
         self._maze = node.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
         self._ball = node.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
         self._scene = node.create_publisher(String, names.SCENE, LATCHED)
-        self.show(simulation)
-
-    def show(self, simulation: Simulation) -> None:
-        """Show this simulation from now on."""
         self._simulation, self._skin = simulation, simulation.skin
         plate, ball = simulation.plate, simulation.scene.ball
         maze = board_mesh(plate.board, plate.offset) if plate else None

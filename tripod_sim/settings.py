@@ -15,12 +15,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "",
         "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is",
     ),
-    Parameter("study", "", "File of the study that accuracy and keep_up look into; empty: the scene's own"),
-    Parameter(
-        "keep_up",
-        True,
-        "Where the machine is too slow go on with cheaper settings of the study, until there is room again",
-    ),
+    Parameter("study", "", "File of the study that accuracy looks into; empty: the scene's own"),
     Parameter(
         "body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0, dynamic=True
     ),

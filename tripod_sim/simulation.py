@@ -332,37 +332,6 @@ class Simulation:
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
-    def rest_at(self, joints: FloatArray, start: State | None = None, time: float = 0.0) -> None:
-        """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from `start` or where it is,
-        and with prescribed motions where they are at `time` [s].
-
-        Raises:
-            SceneError: `joints` has another shape or is not finite, `start` is of another scene, `time` is no time, or
-                the scene has inertia and no servos.
-            StepError: no equilibrium is found; the state is another one then.
-        """
-        goal = self._shaped(joints)
-        if not time >= 0:
-            raise SceneError(f"time is {time:g} s; it must be at least 0 s")
-        if self.scene.inertia and self._static is self._parts:
-            raise SceneError(
-                "the scene has no servos, so it has no rest beside its motion; load it with inertia=off"
-            )
-        if start:
-            self._check_fits(start)
-            for name in ("positions", "modes", "centres", "rotations", "joints"):
-                getattr(self.state, name)[:] = getattr(start, name)
-            self._static.stepper.forget()
-        self._pose(self._goal(goal, time))
-        self._begin_errors(self._parts)
-        if self._servos:
-            self.state.servos = self._servos.start(self.state.joints[: len(self.torques)])
-        self._forget_rest()
-        self._prepare()
-        self.report = StepReport()
-        if self._mesh_error:
-            self.report.mesh_error = self._mesh_error.start(self.state)
-
     def step(self, joints: FloatArray | None = None) -> StepReport:
         """Advance by the scene's dt.
 

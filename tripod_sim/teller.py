@@ -75,14 +75,8 @@ class Teller:
         """Tell what became of a request, or nothing any more; any thread."""
         self.notice = notice
 
-    def change(self, simulation: Simulation, first: Snapshot) -> None:
-        """Tell of another simulation of the same scene, which goes on at `first`."""
-        self._scene, self._picture = simulation.scene, picture(simulation)
-        self.reset(first)
-        self.publish_scene()
-
     def reset(self, first: Snapshot) -> None:
-        """Begin the books anew: the simulation is back in its start state, or is another one."""
+        """Restart the energy books: the simulation is back in its start state."""
         with self._lock:
             self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
             self._halvings, self._latest = 0, first

@@ -2,10 +2,9 @@
 
 import itertools
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
@@ -14,7 +13,6 @@ from tripod_graph import names
 from tripod_record.topic import Qos, Topic
 from tripod_record.writer import BagWriter
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
-from tripod_sim.handover import carry
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.rerun import Ended
 from tripod_sim.scene import Scene
@@ -59,17 +57,14 @@ def run_session(
     reset_at: int = 0,
     checkpoint_at: int = 0,
     every: int = 7,
-    changes: Mapping[int, tuple[str, ...]] = MappingProxyType({}),
 ) -> Recorded:
     """Let the physics' own thread run, as fast as it can, with joints that swing and hold at random.
 
     At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when
-    that happens is up to the machine. Every so many steps the body is kept, and the journal taken. At the counts of
-    `changes` the scene goes on with these overrides.
+    that happens is up to the machine. Every so many steps the body is kept, and the journal taken.
     """
     simulation = Simulation(load_scene(scene, overrides))
     found = Recorded(simulation, scenes=[simulation.scene])
-    others = {made: Simulation(load_scene(scene, words)) for made, words in changes.items()}
     rng, count = np.random.default_rng(seed), itertools.count(1)
     asked: list[threading.Thread] = []
     joints, limits = simulation.command, joints_of(simulation.scene)
@@ -86,8 +81,6 @@ def run_session(
             request(lambda: physics.request_reset(60.0))
         if made == checkpoint_at:
             physics.request_checkpoint()
-        if made in others:
-            physics.between_steps(change)
         if limits is None:
             return None
         if made % 20 < 12:  # else they hold
@@ -95,13 +88,6 @@ def run_session(
             joints[:-1] = np.clip(joints[:-1], limits.low, limits.high)
             joints[-1] = np.clip(joints[-1], 0.0, limits.slide_max)
         return joints.copy()
-
-    def change(before: Simulation) -> None:
-        after = others.pop(min(others))
-        carry(before, after)
-        physics.change(after)
-        found.scenes.append(after.scene)
-        found.bodies.append(physics.latest)
 
     def keep(snapshot: Snapshot) -> None:
         if snapshot.step % every == 0:

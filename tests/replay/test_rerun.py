@@ -8,7 +8,6 @@ import pytest
 from tests.messages import assert_names, raises_naming
 from tests.replay.sessions import run_session, write_session
 from tests.tiers import sampled
-from tripod_bringup.bag_film import session_arrays
 from tripod_bringup.bag_session import read_session
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
@@ -76,50 +75,12 @@ def test_a_recording_that_begins_late_is_made_again_from_its_first_reset_or_chec
     assert outcome.unknown == len(found.bodies) - outcome.equal
 
 
-ASKED = ("mesh.level=1",)
-CHEAPER = ("mesh.level=1", "mesh.element=h8_modes", "inertia.scheme=bdf2", "dt=0.005")
-
-
-@pytest.mark.parametrize("more", [(), ("servo_dynamics={}",), ("inertia=off", "damping=off")], ids="-".join)
-def test_a_session_that_came_down_and_went_up_again_is_made_again(
-    more: tuple[str, ...], tmp_path: Path
-) -> None:
-    cheaper = CHEAPER if "inertia=off" not in more else CHEAPER[:2]
-    changes = {40: (*cheaper, *more), 80: (*ASKED, *more)}
-    found = run_session("tripod", (*ASKED, *more), steps=120, seed=6, reset_at=20, changes=changes)
-    assert len({s.positions.shape for s in found.bodies}) == 2
-    outcome = made_again(read_session(Bag(write_session(found, tmp_path / "changed"))).rerun())
-    assert outcome.different == 0, outcome.parted
-    assert (outcome.steps, outcome.lost, outcome.unknown) == (120, 0, 0)
-    assert outcome.equal == len(found.bodies)
-
-
-def test_a_reset_right_after_a_change_is_that_of_the_other_simulation(tmp_path: Path) -> None:
-    found = run_session("tripod", ASKED, steps=80, seed=7, changes={40: CHEAPER}, reset_at=40, every=2)
-    rerun = read_session(Bag(write_session(found, tmp_path / "reset"))).rerun()
-    outcome = made_again(rerun)
-    assert outcome.different == 0, outcome.parted
-    assert outcome.steps == 80
-    assert rerun.simulation.scene == found.scenes[1]
-
-
-def test_without_the_checkpoint_what_follows_a_change_is_left_out(tmp_path: Path) -> None:
-    found = run_session("tripod", ASKED, steps=60, seed=8, changes={30: CHEAPER})
-    checkpoint = found.checkpoints.pop()
-    assert checkpoint.scene == found.scenes[1]
-    with raises_naming(RecordError, tmp_path / "lost", "2 scenes", "simulator"):
-        read_session(Bag(write_session(found, tmp_path / "lost")))
-    found.scenes.pop()
-    outcome = made_again(read_session(Bag(write_session(found, tmp_path / "one"))).rerun())
-    assert (outcome.steps, outcome.lost) == (30, 30)
-    assert outcome.different == 0, outcome.parted
-
-
-def test_a_page_of_two_meshes_is_refused(tmp_path: Path) -> None:
-    found = run_session("tripod", ASKED, steps=40, seed=9, changes={20: CHEAPER})
-    bag = Bag(write_session(found, tmp_path / "page"))
-    with raises_naming(RecordError, tmp_path / "page", "mesh", "tripod bag play --to sim", "tripod view"):
-        session_arrays(read_session(bag).rerun(), bag)
+def test_a_session_of_two_scenes_is_refused(tmp_path: Path) -> None:
+    """As where somebody chose another accuracy on the page while it was recorded."""
+    found = run_session("tripod", ("mesh.level=1",), steps=20, seed=9)
+    found.scenes.append(load_scene("tripod", ["mesh.level=1", "mesh.element=h8_modes"]))
+    with raises_naming(RecordError, tmp_path / "two", "2 scenes", "tripod bag play --to topics"):
+        read_session(Bag(write_session(found, tmp_path / "two")))
 
 
 def test_a_body_that_is_not_the_recorded_one_is_told_with_its_first_step(tmp_path: Path) -> None:

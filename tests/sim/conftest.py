@@ -8,15 +8,17 @@ import pytest
 
 
 @pytest.fixture
-def make(domain: int) -> Iterator[Callable[..., Any]]:
-    """Make graphs (`sim_graph.Graph`), on the coarse mesh unless told, and on no other where this machine is too slow;
-    none outlives the test."""
+def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """Make graphs (`sim_graph.Graph`), on the coarse mesh unless told, that do not say how slow this machine is; none
+    outlives the test."""
     from tests.sim.sim_graph import Graph
+    from tripod_sim import realtime
 
+    monkeypatch.setattr(realtime, "BEHIND", 0.0)
     made: list[Graph] = []
 
     def graph(**parameters: object) -> Graph:
-        made.append(Graph(domain, **{"set": "mesh.level=1", "keep_up": False, **parameters}))
+        made.append(Graph(domain, **{"set": "mesh.level=1", **parameters}))
         return made[-1]
 
     before = sys.getswitchinterval()

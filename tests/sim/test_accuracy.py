@@ -13,7 +13,7 @@ from tests.messages import assert_names, line_naming, lines_naming, names, raise
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, load_scene
-from tripod_sim.accuracy.choice import LOAD, MARGIN, asked, choose, expected, holds, pick, promised
+from tripod_sim.accuracy.choice import LOAD, MARGIN, asked, choose, expected, holds, pick, promised, switched
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import read_study, stored_studies
 from tripod_sim.scene_file import scene_text
@@ -442,6 +442,19 @@ def test_no_study_does_more_than_be_refused(
 def test_an_accuracy_that_is_none_is_refused(text: str) -> None:
     with raises_naming(SceneError, "--accuracy", "5%", "0 %", "100 %", "draft", "real-time", "reference"):
         asked(text)
+
+
+def test_a_switch_wins_over_what_was_set_before_and_leaves_the_rest(study: Path) -> None:
+    """On the page: after `tripod up --accuracy 1%`, or `--set dt=0.02`, a click must not be without effect."""
+    words = ["dt=0.02", "springs.node_mass=0.02", "inertia.scheme=rk4"]
+    choice = switched("pendulum", "20%", words, study=study, speed=same_speed)
+    assert choice.settings == {"dt": 0.005, "inertia.scheme": "bdf2"}
+    assert choice.overrides == ("dt=0.005", "inertia.scheme=bdf2", "springs.node_mass=0.02")
+    assert choice.outside == ("springs.node_mass=0.02",)
+    assert (
+        load_scene("pendulum", choose("pendulum", "20%", words, study=study, speed=same_speed).overrides).dt
+        == 0.02
+    )
 
 
 def test_accuracies() -> None:

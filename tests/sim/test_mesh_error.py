@@ -273,7 +273,7 @@ def test_a_restored_state_errs_as_it_did() -> None:
         simulation.step(joints)
     saved = simulation.save()
     went = [simulation.step(joints).mesh_error for joints in way[20:]]
-    simulation.rest_at(np.zeros(4))
+    simulation.reset()
     told = []
     for _ in range(2):
         simulation.restore(saved)

@@ -1,5 +1,6 @@
 """The physics thread: its pace on a clock of the test, pause, step, reset, and what it does when a step fails."""
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -89,13 +90,16 @@ class FakeClock:
     """Stands for the module `time`: it moves when someone sleeps or works."""
 
     def __init__(self) -> None:
-        self.now = 1000.0
+        self.now, self.cpu = 1000.0, 7.0
         self.slept: list[float] = []
 
     def monotonic(self) -> float:
         return self.now
 
     perf_counter = monotonic
+
+    def thread_time(self) -> float:
+        return self.cpu
 
     def time_ns(self) -> int:
         return round(self.now * 1e9)
@@ -107,10 +111,20 @@ class FakeClock:
 
 
 class Pace:
-    """One run of the loop on a fake clock: when each step began, and what the thread says of its speed."""
+    """One run of the loop on a fake clock: when each step began, and what the thread says of its speed.
+
+    A step takes `cost` of its number on the wall, and `share` of that on a processor.
+    """
 
     def __init__(
-        self, monkeypatch: pytest.MonkeyPatch, dt: float, count: int, cost: Callable[[int], float]
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        dt: float,
+        count: int,
+        cost: Callable[[int], float],
+        *,
+        share: float = 1.0,
+        rate: float = 1.0,
     ) -> None:
         clock, self.began = FakeClock(), list[float]()
         monkeypatch.setattr(realtime, "clock", clock)
@@ -118,12 +132,18 @@ class Pace:
         def during(step: int) -> None:
             self.began.append(clock.now - 1000.0)
             clock.now += cost(step)
+            clock.cpu += share * cost(step)
             if step == count:
                 physics.stop()
 
-        physics = RealTime(FakeSimulation(dt, during), lambda now: None, stamp=clock.time_ns)
+        physics = RealTime(FakeSimulation(dt, during), lambda now: None, rate=rate, stamp=clock.time_ns)
         physics.run()  # in this thread
-        self.speed, self.slept, self.end = physics.speed(), clock.slept, clock.now - 1000.0
+        self.physics, self.speed, self.slept, self.end = (
+            physics,
+            physics.speed(),
+            clock.slept,
+            clock.now - 1000.0,
+        )
         self.stamp = physics.latest.stamp
 
 
@@ -168,6 +188,63 @@ def test_a_simulation_slower_than_time_skips_what_it_cannot_make(
 
 def test_steps_longer_than_the_window_still_have_a_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Pace(monkeypatch, 0.01, 5, lambda step: 4.0).speed.real_time_factor == pytest.approx(0.0025)
+
+
+@pytest.mark.parametrize(
+    ("cost", "share", "load", "factor"),
+    [
+        (0.004, 1.0, 0.4, 1.0),  # in time
+        (0.02, 1.0, 2.0, 0.5),  # the steps themselves take too long
+        (0.02, 0.15, 0.3, 0.5),  # they wait for a processor
+        (4.0, 0.5, 200.0, 0.0025),  # longer than the window
+    ],
+)
+def test_the_load_of_a_core_tells_slow_steps_from_a_busy_machine(
+    monkeypatch: pytest.MonkeyPatch, cost: float, share: float, load: float, factor: float
+) -> None:
+    speed = Pace(monkeypatch, 0.01, 300 if cost < 1 else 3, lambda step: cost, share=share).speed
+    assert speed.load == pytest.approx(load)
+    assert speed.real_time_factor == pytest.approx(factor)
+    assert speed.behind == (factor < 1)
+
+
+def test_who_is_paused_is_not_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    pace = Pace(monkeypatch, 0.01, 300, lambda step: 0.02)
+    assert pace.speed.behind
+    pace.physics.pause(True, 0.0)
+    assert pace.physics.speed().real_time_factor == pytest.approx(0.5), "over the last second"
+    assert not pace.physics.speed().behind
+
+
+def test_a_replay_is_not_behind_where_it_is_as_slow_as_it_should(monkeypatch: pytest.MonkeyPatch) -> None:
+    pace = Pace(monkeypatch, 0.01, 300, lambda step: 0.004, rate=0.5)
+    assert pace.speed.real_time_factor == pytest.approx(0.5)
+    assert not pace.speed.behind
+    assert Pace(monkeypatch, 0.01, 300, lambda step: 0.03, rate=0.5).speed.behind
+
+
+@pytest.mark.parametrize(
+    "act", [lambda physics: physics.pause(False), lambda physics: physics.request_reset(0.0)]
+)
+def test_the_time_of_a_pause_or_a_reset_is_no_lack_of_speed(
+    monkeypatch: pytest.MonkeyPatch, act: Callable[[RealTime], object]
+) -> None:
+    clock, made = FakeClock(), itertools.count(1)
+    monkeypatch.setattr(realtime, "clock", clock)
+
+    def during(_: int) -> None:
+        count = next(made)
+        clock.now += 0.004
+        if count == 250:
+            clock.now += 0.5
+            act(physics)
+        if count == 270:
+            physics.stop()
+
+    physics = RealTime(FakeSimulation(0.01, during), lambda now: None)
+    physics.run()
+    # the first of the 20 steps since then may come one period early; with the half second it would be 0.5
+    assert 1 - 1e-6 <= physics.speed().real_time_factor <= 20 / 19 + 1e-6
 
 
 def test_before_the_second_step_there_is_no_speed(monkeypatch: pytest.MonkeyPatch) -> None:

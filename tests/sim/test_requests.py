@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.messages import names, raises_naming
+from tripod_sim.accuracy.choice import choose
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.requests import Request, changed, request_of
 
@@ -150,6 +151,20 @@ def test_all_goes_on_while_another_simulation_is_built_and_the_newest_wish_count
     ear.ask(effect="damping", on=True)
     graph.wait(lambda: graph.node.anew and graph.node.anew.changes == ("damping={}",), "what is ready")
     assert graph.node.anew.simulation.scene.damping
+
+
+@pytest.mark.ros
+def test_an_accuracy_of_the_page_wins_over_what_was_set_at_the_start(make) -> None:
+    """As after `tripod up --accuracy 1%`, whose setting stands in `set`."""
+    pytest.importorskip("rclpy")
+    graph = make(scene="pendulum", set="dt=0.02;springs.node_mass=0.02").start()
+    ear = Ear(graph.ear)
+    graph.wait(ear.requests.get_subscription_count, "the simulator's subscription")
+    ear.ask(accuracy="reference")
+    graph.wait(lambda: graph.node.anew, "the setting")
+    scene = graph.node.anew.simulation.scene
+    assert scene.dt == choose("pendulum", "reference").settings["dt"] != 0.02
+    assert scene.springs.node_mass == 0.02
 
 
 @pytest.mark.ros

@@ -1,9 +1,10 @@
-"""The simulator's node with an accuracy: the setting of a study, said once, and what is refused."""
+"""The simulator's node with an accuracy: the setting of a study, what is refused, and what a slow machine changes."""
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,10 +13,13 @@ pytest.importorskip("tripod_msgs")
 
 import rclpy
 
-from tests.messages import raises_naming
+from tests.messages import lines_naming, raises_naming
+from tripod_graph import names
 from tripod_graph.run import ros_arguments
 from tripod_sim import SceneError
+from tripod_sim.accuracy import lag
 from tripod_sim.node import SimNode
+from tripod_sim.realtime import RealTime, Speed
 
 pytestmark = pytest.mark.ros
 
@@ -61,3 +65,28 @@ def test_the_node_takes_the_setting_and_the_user_wins(study: Path) -> None:
 def test_an_accuracy_that_no_setting_reaches_is_refused(study: Path) -> None:
     with raises_naming(SceneError, "--accuracy", "0.1 %", "no setting", "'tripod_dynamic'"):
         start(set="mesh.level=1", accuracy="0.1%", study=str(study))
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_setting_that_is_too_slow_is_told_everywhere_and_stays_as_it_is(
+    make: Callable[..., Any], study: Path, monkeypatch: pytest.MonkeyPatch, simulated: bool
+) -> None:
+    """With simulated time nothing has to be real time, so nothing is proposed."""
+    slow = Speed(0.31, 1e-3, 1e-3, 0, 3.2, behind=True)
+    monkeypatch.setattr(RealTime, "speed", lambda physics: slow)
+    monkeypatch.setattr(lag, "proposal", lambda source, words, *, study: f"take {source}, {words}, {study}")
+    graph = make(study=str(study), publish_clock=simulated).start()
+    before = graph.node._physics.simulation
+    what = () if simulated else ("3.2 s", "take tripod", "mesh.level=1", study)
+    graph.next(names.SIM_STATUS, lambda s: lines_naming(s.message, "factor 0.31", *what))
+    report = graph.next(names.DIAGNOSTICS, lambda m: lines_naming(m.status[0].message, "factor 0.31", *what))
+    assert report.status[0].level == b"\x01"
+    noticed = lambda m: lines_naming(json.loads(m.data)["notice"], *what)  # noqa: E731
+    if not simulated:
+        graph.next(names.SIM_FIGURES, noticed)
+    step = graph.status().step
+    graph.next(names.SIM_STATUS, lambda s: s.step > step + 100)
+    assert graph.node._physics.simulation is before
+    assert len(graph.heard[names.SCENE]) == 1
+    if simulated:
+        assert not graph.node._lag.proposal

@@ -158,45 +158,40 @@ def test_a_step_that_fails_takes_a_bounded_number_of_linear_solves(
         ([-3.0, 0, 0, 0], ("servo 0: angle", "-3 rad", "-2.1 to 0.6")),
         ([0, 0, 1.0, 0], ("servo 2: angle", "1 rad")),
         ([0, 0, 0, 0.5], ("slide", "0.5 m", "0 to 0.04")),
+        (["a"] * 4, ("joints are ['a', ", "4 numbers")),
+        ([[0.0], [0.0, 0.0]], ("joints are [[0.0], [0.0, 0.0]]", "4 numbers")),
+        ([10**400] * 4, ("joints are [", "...", "4 numbers")),
     ],
 )
-def test_bad_commands_are_refused_and_change_nothing(joints: list[float], named: tuple[str, ...]) -> None:
+def test_bad_commands_are_refused_and_change_nothing(joints: Any, named: tuple[str, ...]) -> None:
     simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     before = simulation.state.positions.copy()
     with raises_naming(SceneError, *named):
-        simulation.step(np.array(joints))
+        simulation.step(joints)
     np.testing.assert_array_equal(simulation.state.positions, before)
     assert simulation.state.step == 0
 
 
-@pytest.mark.parametrize(
-    ("scene", "joints", "named"),
-    [
-        (SHARP, [0.0] * 3, ("joints", "shape (3,)", "(4,)")),
-        (SHARP, [np.nan] * 4, ("joints", "nan", "not finite")),
-        (SHARP, ["a"] * 4, ("joints are ['a', ", "4 numbers")),
-        (SHARP, [[0.0], [0.0, 0.0]], ("joints are [[0.0], [0.0, 0.0]]", "4 numbers")),
-        (SHARP, [10**400] * 4, ("joints are [", "...", "4 numbers")),
-        ("silicone", [0.0], ("no servos",)),
-    ],
-)
-def test_rest_is_refused_where_there_is_none(scene: str, joints: Any, named: tuple[str, ...]) -> None:
-    simulation = Simulation(load_scene(scene, ["mesh.level=1"]))
-    before = simulation.positions.copy()
-    with raises_naming(SceneError, *named):
-        simulation.rest_at(joints)
-    assert np.array_equal(simulation.positions, before)
+def test_the_state_of_another_scene_is_refused() -> None:
+    one, other = (
+        Simulation(load_scene("tripod", ["mesh.level=1", *words]))
+        for words in ((), ("mesh.element=h8_modes",))
+    )
+    before = other.positions.copy()
+    shapes = (str(one.state.positions.shape), str(other.state.positions.shape))
+    with raises_naming(SceneError, "state", "another scene", "positions", *shapes):
+        other.restore(one.save())
+    np.testing.assert_array_equal(other.positions, before)
 
 
-def test_rest_is_refused_at_no_time_and_from_a_state_of_another_scene() -> None:
-    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
-    other = Simulation(load_scene("pendulum")).state
-    before = simulation.positions.copy()
-    with raises_naming(SceneError, "time is nan s", "at least 0 s"):
-        simulation.rest_at(simulation.command, time=np.nan)
-    with raises_naming(SceneError, "state", "another scene", "positions of shape"):
-        simulation.rest_at(simulation.command, other)
-    assert np.array_equal(simulation.positions, before)
+def test_torques_of_another_scene_are_refused_before_the_state_changes() -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    start = simulation.save()[0]
+    simulation.step(simulation.command - np.array([0.1, 0.0, 0.0, 0.0]))
+    before = simulation.state.positions.copy()
+    with raises_naming(SceneError, "another scene", "torques", "(1,)", "(3,)"):
+        simulation.restore((start, np.zeros(1)))
+    np.testing.assert_array_equal(simulation.state.positions, before)
 
 
 @pytest.mark.parametrize("steps", [0, 2.0, "3", None])

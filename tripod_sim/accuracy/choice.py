@@ -150,10 +150,23 @@ def choose(
     """
     wish = asked(accuracy)
     made = load_scene(scene, overrides)
-    found = read_study(study) if study else shipped(made, scene)
-    if study:
-        check_fits(found, made, scene)
-    return chosen_from(scene, made, found, accuracy, wish, overrides, speed)
+    return chosen_from(scene, made, study_of(scene, made, study), accuracy, wish, overrides, speed)
+
+
+def switched(
+    scene: str,
+    accuracy: str,
+    overrides: Sequence[str],
+    *,
+    study: Path | None = None,
+    speed: Callable[[], float | None] = product_time,
+) -> Choice:
+    """Return the setting that a running scene is switched to: it wins over `overrides`, see `choose` for the rest."""
+    found = study_of(scene, load_scene(scene, overrides), study)
+    varied = {field for point in found.points for field in point.settings}
+    fields_of = ((word, word.partition("=")[0].strip()) for word in overrides)
+    kept = [word for word, field in fields_of if not {field, field.partition(".")[0]} & varied]
+    return choose(scene, accuracy, kept, study=study, speed=speed)
 
 
 def chosen_from(
@@ -176,11 +189,12 @@ def chosen_from(
     picked = words_of(point.settings)
     words = (*picked, *overrides)
     load_scene(scene, words)  # a study that does not fit the scene is told here
+    changed = changes(load_scene(scene), point.settings)
     seconds = point.cpu * scale if scale else None
     strange = (*outside(scene, found, picked, overrides), *beside)
     return Choice(
         accuracy, found.name, words, dict(point.settings), promised(found, point), quantities(found), seconds, strange,
-        _sentence(accuracy, found, changes(load_scene(scene), point), expected(found, point), seconds, strange),
+        _sentence(accuracy, found, changed, expected(found, point), seconds, strange),
     )  # fmt: skip
 
 
@@ -307,6 +321,15 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
     )
 
 
+def study_of(scene: str, made: Scene, study: Path | None) -> StoredStudy:
+    """Return the study in the file `study`, or the one that comes with tripod. Raises SceneError if none fits."""
+    if study is None:
+        return shipped(made, scene)
+    found = read_study(study)
+    check_fits(found, made, scene)
+    return found
+
+
 def check_fits(study: StoredStudy, made: Scene, scene: str) -> None:
     """Raise SceneError if a study that the user named is not of this scene, `made` from the one of this name."""
     if study.scene != made.name:
@@ -396,9 +419,9 @@ def settings_text(point: StoredPoint) -> str:
     return ", ".join(words_of(point.settings))
 
 
-def changes(made: Scene, point: StoredPoint) -> str:
-    """Return in words which settings of a point are not those of a scene."""
-    changed = {f: v for f, v in point.settings.items() if not holds(made, f, v)}
+def changes(made: Scene, settings: Mapping[str, Value]) -> str:
+    """Return in words which of these settings are not those of a scene."""
+    changed = {f: v for f, v in settings.items() if not holds(made, f, v)}
     return ", ".join(words_of(changed)) or "the scene as it is"
 
 
