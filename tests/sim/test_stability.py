@@ -13,7 +13,7 @@ from tests.scenes import SHARP
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.integrators.load_steps import LoadSteps
-from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.integrators.newton import NewtonError, NewtonReport
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -112,6 +112,36 @@ def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_s
     good.copy_to(simulation.state)
     simulation.step()
     assert np.isfinite(simulation.state.positions).all()
+
+
+@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+def test_parts_that_fail_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A large turn within few iterations, and the parts that were solved once more, without those that were not."""
+    words = ["mesh.level=1", "dt=0.01", "solver.mode=newton", "solver.tolerance=1e-9"]
+    words += [f"inertia.scheme={scheme}"]
+    hasty, patient = (Simulation(load_scene(SHARP, words)) for _ in range(2))
+    stepper, solved, failed = hasty._stepper, list[tuple[np.ndarray, float]](), list[float]()
+    part = stepper._part
+
+    def watched(state: State, joints: np.ndarray, h: float) -> NewtonReport:
+        before = state.positions.copy()
+        try:
+            report = part(state, joints, h)
+        except NewtonError:
+            failed.append(float(np.abs(state.positions - before).max()))
+            raise
+        solved.append((joints.copy(), h))
+        return report
+
+    monkeypatch.setattr(stepper, "_part", watched)
+    stepper.newton.max_iterations = 10
+    report = hasty.step(np.array([-0.4, 0.0, 0.0, 0.0]))
+    assert (report.halvings, report.parts) == (len(failed), len(solved))
+    assert len(failed) > 3 and max(failed) > 1e-4  # [m]: what a failed part has moved
+    for joints, h in solved:
+        patient._stepper._part(patient.state, joints, h)
+    np.testing.assert_allclose(hasty.state.positions, patient.state.positions, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(hasty.state.velocities, patient.state.velocities, rtol=0, atol=1e-5)
 
 
 HEAVY = ["mesh.level=1", "material.mass=1e6", "inertia=off", "damping=off"]

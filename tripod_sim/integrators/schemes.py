@@ -29,6 +29,9 @@ class ImplicitScheme(Substeps):
         self._name, self._stage = name, stage
         self._remembers = name in ("bdf2", "tr_bdf2")
         self._memory = Memory(stage.known.shape)
+        self._draft = Memory(
+            stage.known.shape
+        )  # of a part that may still fail, which leaves that above as it was
         self._seen = np.zeros((3, *stage.known.shape))  # at the start of a part and at the end of each stage
         self._before = 0.0  # length of the part before [s], 0 where the next looks back on nothing
 
@@ -60,7 +63,8 @@ class ImplicitScheme(Substeps):
         return stages(self._name, h, self._before) if self._before else (implicit_euler(h),)
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        stage, memory, seen, total = self._stage, self._memory, self._seen, NewtonReport()
+        stage, memory, draft, seen = self._stage, self._memory, self._draft, self._seen
+        total = NewtonReport()
         stage.read(state, seen[0])
         start, done = state.joints.copy(), 0.0
         for k, one in enumerate(planned := self._stages(h)):
@@ -78,8 +82,10 @@ class ImplicitScheme(Substeps):
                 self._carry_errors(state, h)
             if self._remembers:
                 stage.read(state, seen[k + 1])
-                memory.note(seen[k], stage.known, seen[k + 1], one)
-        self._before = h if self._remembers else 0.0
+                draft.note(seen[k], stage.known, seen[k + 1], one)
+                memory = draft
+        if self._remembers:
+            self._memory, self._draft, self._before = self._draft, self._memory, h
         return total
 
     def _carry_errors(self, state: State, h: float) -> None:
