@@ -4,6 +4,8 @@ import errno
 import fcntl
 import json
 import os
+from contextlib import suppress
+from io import BytesIO, FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -19,15 +21,16 @@ class Store:
     """A file of records by key, to which each new one is added and synchronised.
 
     A process that is killed at any moment loses no finished point: a last line that was torn is cut off when the file
-    is opened again. One process at a time has the file: two would measure everything twice, and disturb each other's
-    times.
+    is opened again. Of a record for which the disk has no room, nothing is left in the file. One process at a time has
+    the file: two would measure everything twice, and disturb each other's times.
     """
 
     def __init__(self, path: Path, *, fresh: bool = False) -> None:
         """Open `path` and read what is there; `fresh`: forget that. Raises OSError, StoreBusyError."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.records: dict[str, dict[str, Any]] = {}
-        self._file = os.fdopen(open_lock(path, 0o666), "r+b")
+        self._path = path
+        self._file = FileIO(open_lock(path, 0o666), "r+")
         try:
             self._lock(path)
             if fresh:
@@ -55,9 +58,8 @@ class Store:
                 raise
 
     def _read(self) -> None:
-        self._file.seek(0)
         good = 0
-        for line in self._file:
+        for line in BytesIO(self._file.readall()):
             if not line.endswith(b"\n"):
                 break
             try:
@@ -67,14 +69,21 @@ class Store:
                 pass
             good += len(line)
         self._file.truncate(good)
-        self._file.seek(0, os.SEEK_END)
+        self._end = good
 
     def add(self, key: str, record: dict[str, Any]) -> None:
-        """Keep a record; when this returns it is on the disk."""
+        """Keep a record; when this returns it is on the disk. Raises OSError: then the file is as before."""
         kept = {"key": key, **record}
-        self._file.write(json.dumps(kept).encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        line, done = memoryview(json.dumps(kept).encode() + b"\n"), 0
+        try:
+            while done < len(line):
+                done += os.pwrite(self._file.fileno(), line[done:], self._end + done)
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with suppress(OSError):
+                self._file.truncate(self._end)
+            raise OSError(error.errno, error.strerror, str(self._path)) from None
+        self._end += done
         self.records[key] = kept
 
     def close(self) -> None:

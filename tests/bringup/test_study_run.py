@@ -1,8 +1,11 @@
 """Studies on this machine: points in processes, the store, what ends badly, kill -9, Ctrl-C, a cluster, the command."""
 
 import csv
+import errno
 import importlib.util
 import json
+import os
+import resource
 import shlex
 import signal
 import subprocess
@@ -52,6 +55,23 @@ def test_a_store_keeps_what_was_added_and_cuts_a_torn_line_off(tmp_path: Path) -
         assert list(store.records) == ["a", "b", "d"]
     with Store(path, fresh=True) as store:
         assert not store.records
+
+
+def test_a_full_disk_leaves_no_torn_line_and_the_store_goes_on_when_there_is_room(tmp_path: Path) -> None:
+    path = tmp_path / "points.jsonl"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with Store(path) as store:
+        store.add("a", {"cpu": [0.1]})
+        whole = path.read_bytes()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + 10, limits[1]))  # room for ten bytes
+        try:
+            with pytest.raises(OSError, match=os.strerror(errno.EFBIG)) as told:
+                store.add("b", {"cpu": [0.2] * 100})
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert (told.value.filename, path.read_bytes(), list(store.records)) == (str(path), whole, ["a"])
+        store.add("c", {"cpu": [0.3]})
+    assert [json.loads(line)["key"] for line in lines(path)] == ["a", "c"]
 
 
 def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
