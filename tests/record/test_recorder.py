@@ -319,6 +319,12 @@ def emptied(path: Path) -> None:
     os.close(file)
 
 
+def appended(path: Path) -> None:
+    """What was written stays as it was; an mcap file ends with its end mark, and does so no more."""
+    with path.open("ab") as file:
+        file.write(b"something else")
+
+
 def replaced(path: Path) -> None:
     other = path.parent / "other"
     other.write_bytes(path.read_bytes()[:200])
@@ -356,6 +362,7 @@ def moved(path: Path) -> None:
         (cut_to(0.5), "cut", "bag_2", 100),
         (cut_to(0.0), "cut", "bag_2", 200),
         (emptied, "changed", "bag_2", 100),
+        (appended, "changed", "bag_2", 0),
         (overwritten, "another program", "bag_2", 200),  # seen while it is cut, or later
     ],
 )
