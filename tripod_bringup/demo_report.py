@@ -8,21 +8,21 @@ from tripod_bringup.screen import Screen
 
 
 def report_demo(
-    measured: Measurements, *, page: str, recording: str, expect_recording: bool, screen: Screen
+    measured: Measurements, *, recording: str, lost: str, expect_recording: bool, screen: Screen
 ) -> bool:
     """Print what was measured; return whether the whole chain ran.
 
     Args:
         measured: By the demo's node.
-        page: Address of the page, empty if none.
         recording: Path that the recorder told, empty if none.
+        lost: What the recorder said of a recording that is not whole; empty if it is, or nothing was said.
         expect_recording: Whether there should be one.
         screen: Where to print.
     """
-    facts = recording_facts(Path(recording)) if recording else None
+    facts = recording_facts(Path(recording), lost) if recording else None
     if facts is None and expect_recording:
         facts = RecordingFacts(Path(), 0, None, "the recorder told no path")
-    rows = summary_rows(measured, facts, page)
+    rows = summary_rows(measured, facts)
     width = max(len(name) for name, _ in rows)
     for name, figure in rows:
         screen.line(f"{name:<{width}}  {figure}")
@@ -32,14 +32,13 @@ def report_demo(
     return not found
 
 
-def recording_facts(path: Path) -> RecordingFacts:
-    """Return size and message count of a closed recording."""
+def recording_facts(path: Path, lost: str = "") -> RecordingFacts:
+    """Return size and message count of a recording; `lost`: what its recorder said is missing, and why."""
     from tripod_record.errors import RecordError  # noqa: PLC0415 - only where something was recorded
     from tripod_record.info import read_info  # noqa: PLC0415
 
     try:
         info = read_info(path)
     except (RecordError, OSError) as error:
-        return RecordingFacts(path, 0, None, str(error))
-    damage = info.truncated or "; ".join(info.damage)
-    return RecordingFacts(path, info.size, None if damage else info.messages, damage)
+        return RecordingFacts(path, 0, None, lost or str(error))
+    return RecordingFacts(path, info.size, info.messages, lost or info.truncated or "; ".join(info.damage))

@@ -100,8 +100,8 @@ class RecordingFacts:
     Attributes:
         path: The recording.
         size: In bytes.
-        messages: In all topics; None if the file could not be read.
-        problem: Why it could not.
+        messages: What can be read, in all topics; None if the file could not be read.
+        problem: Why that is not all; empty if it is.
     """
 
     path: Path
@@ -110,9 +110,7 @@ class RecordingFacts:
     problem: str = ""
 
 
-def summary_rows(
-    measured: Measurements, recording: RecordingFacts | None, page: str
-) -> list[tuple[str, str]]:
+def summary_rows(measured: Measurements, recording: RecordingFacts | None) -> list[tuple[str, str]]:
     """Return the rows of the closing table: what, and the figure or why there is none."""
     tracking = measured.tracking
     return [
@@ -128,7 +126,6 @@ def summary_rows(
         ("packets sent", _packets(measured)),
         ("body states received", str(measured.body_states)),
         ("recording", _recording(recording)),
-        ("page", page or "none (no view)"),
     ]
 
 
@@ -137,7 +134,7 @@ def problems(measured: Measurements, recording: RecordingFacts | None) -> list[s
     found = [measured.session_failure] if measured.session_failure else []
     if not found or measured.real_time_factor.count:  # else it broke off before anything was measured
         found += _missing(measured)
-    if recording is not None and not recording.messages:
+    if recording is not None and (recording.problem or not recording.messages):
         found.append(recording.problem or "nothing was recorded")
     return found
 
@@ -187,5 +184,7 @@ def _packets(measured: Measurements) -> str:
 def _recording(recording: RecordingFacts | None) -> str:
     if recording is None:
         return "none (not recorded)"
-    count = recording.problem if recording.messages is None else f"{recording.messages} messages"
-    return f"{recording.path} ({recording.size / 1e6:.1f} MB, {count})"
+    if recording.messages is None:
+        return f"{recording.path} ({recording.problem})"
+    part = ", not whole" if recording.problem else ""
+    return f"{recording.path} ({recording.size / 1e6:.1f} MB, {recording.messages} messages{part})"

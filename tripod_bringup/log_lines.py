@@ -5,7 +5,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 _ROS = re.compile(r"^\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[[0-9.]+\] \[[^\]]*\]: (.*)$")
-_FACT = re.compile(r"^(page|recording) (\S.*)$")
+_FACTS = {
+    "page": re.compile(r"page (\S.*)"),
+    "recording": re.compile(r"recording (\S.*)"),
+    "recorded": re.compile(r"(?:recorded|the recording ended:) (\S.*)"),
+}
 
 
 class Level(IntEnum):
@@ -25,8 +29,9 @@ class LogLine:
     Attributes:
         level: As the node logged it; what it prints without a level, such as why it refuses to start, counts as ERROR.
         text: Without level, time and node name.
-        fact: "page" or "recording" when the line tells where the page or the recording is, else empty.
-        value: The address or path of that fact.
+        fact: "page" or "recording" when the line tells where the page or the recording is, "recorded" when it tells how
+            the recording ended, else empty.
+        value: The address, the path, or what was recorded and what is missing.
     """
 
     level: Level
@@ -46,6 +51,7 @@ def parse(line: str) -> LogLine:
     level, text = Level.ERROR, line
     if match := _ROS.match(line):
         level, text = Level[match[1]], match[2]
-    if fact := _FACT.match(text):
-        return LogLine(Level.INFO, text, fact[1], fact[2].strip())
+    for fact, pattern in _FACTS.items():
+        if match := pattern.fullmatch(text):
+            return LogLine(level if fact == "recorded" else Level.INFO, text, fact, match[1].strip())
     return LogLine(level, text)

@@ -89,12 +89,14 @@ class Facts:
     Attributes:
         page: Address of the page.
         recording: Path of the recording.
+        recorded: What the recorder said at its end: how much is kept, how much is lost and why.
         cut_short: Whether the recorder did not end in order.
         last: The newest line shown of each node.
     """
 
     page: str = ""
     recording: str = ""
+    recorded: str = ""
     cut_short: bool = False
     last: dict[str, str] = field(default_factory=dict)
 
@@ -156,7 +158,7 @@ def _run(options: UpOptions, screen: Screen) -> int:
         supervisor = Supervisor(
             stages(options, facts, graph.watch),
             on_line=lambda name, line: _show(name, line, facts, options, screen),
-            on_tick=lambda phase: screen.status(phase or (lambda: _status(graph.watch, facts))),
+            on_tick=lambda phase: screen.status(phase or (lambda: status_line(graph.watch.status()))),
             before_stop=graph.say_stop,
         )
         graph.watch.describe_processes(
@@ -304,18 +306,17 @@ def _show(name: str, line: str, facts: Facts, options: UpOptions, screen: Screen
     elif parsed.fact == "recording":
         facts.recording = parsed.value
         screen.line(parsed.text)
-    elif parsed.level >= Level.WARN or options.verbose:
-        screen.line(text)
-
-
-def _status(watch: "Watch", facts: Facts) -> str:
-    return status_line(watch.status()) + (f" | {facts.page}" if facts.page else "")
+    else:
+        if parsed.fact == "recorded":
+            facts.recorded = parsed.value
+        if parsed.level >= Level.WARN or options.verbose:
+            screen.line(text)
 
 
 def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOptions, screen: Screen) -> int:
     said = [parsed.text for parsed in map(parse, ending.output) if parsed.level >= Level.ERROR]
     stopped = ": ".join(["stopped", ending.cause, *said[-1:]])
-    if facts.cut_short and facts.recording:
+    if facts.cut_short and facts.recording and not facts.recorded:
         stopped += f"; the recording may be incomplete: {facts.recording}"
     if ending.code:
         print(f"tripod up: {stopped}", file=sys.stderr)
@@ -325,8 +326,8 @@ def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOp
         return ending.code
     ran = report_demo(
         demo.measured,
-        page=facts.page,
         recording=facts.recording,
+        lost=facts.recorded if facts.cut_short else "",
         expect_recording=options.record is not None,
         screen=screen,
     )

@@ -33,7 +33,9 @@ DEFINITION_LIMIT = 2**20
 """Longest definition of a type that is believed [B]."""
 CHANNEL_LIMIT = 10_000
 """Most channels that are believed."""
-NOT_CLOSED = "not closed: still being recorded, or its recorder was killed and up to a second is missing"
+NOT_CLOSED = (
+    "not closed: still being recorded, or its recorder was killed or had no room; the rest is not in the file"
+)
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")

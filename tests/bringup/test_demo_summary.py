@@ -44,7 +44,7 @@ def full() -> Measurements:
 
 
 def test_every_figure_is_told_with_its_unit() -> None:
-    rows = summary_rows(full(), RECORDING, "http://127.0.0.1:8080")
+    rows = summary_rows(full(), RECORDING)
     table = "\n".join(": ".join(row) for row in rows)
     line_naming(table, "real-time factor", "median", "1.00x")
     line_naming(table, "step time", "median", "0.60 ms")
@@ -53,7 +53,6 @@ def test_every_figure_is_told_with_its_unit() -> None:
     line_naming(table, "IK states", "tracking 50")
     line_naming(table, "packets", 300, "mock")
     line_naming(table, "recording: recordings/one", "2.5 MB", "1234 messages")
-    line_naming(table, "page: http://127.0.0.1:8080")
     error = line_naming(table, "effector", "target", "rms", "0.354 mm", "0.5 mm", "2 samples", "1 s")
     assert not names(error, "not")
     assert problems(full(), RECORDING) == []
@@ -63,13 +62,13 @@ def test_every_figure_is_told_with_its_unit() -> None:
 def test_an_error_above_what_is_wanted_is_named_so() -> None:
     measured = full()
     measured.tracking.add(2e-3)
-    table = "\n".join(": ".join(row) for row in summary_rows(measured, None, ""))
+    table = "\n".join(": ".join(row) for row in summary_rows(measured, None))
     line_naming(table, "effector", "target", "rms", "not", "0.5 mm")
 
 
 def test_what_was_not_measured_is_no_number() -> None:
-    rows = dict(summary_rows(Measurements(), None, ""))
-    figures = [name for name in rows if name not in ("recording", "page", "body states received")]
+    rows = dict(summary_rows(Measurements(), None))
+    figures = [name for name in rows if name not in ("recording", "body states received")]
     assert {rows[name] for name in figures} == {NOT_MEASURED}
     assert_names(rows["recording"], "none")
 
@@ -106,7 +105,11 @@ def test_of_a_session_that_broke_off_before_anything_was_measured_only_that_is_t
 def test_an_empty_or_torn_recording_is_a_problem() -> None:
     (empty,) = problems(full(), RecordingFacts(Path("x"), 10, 0))
     assert_names(empty, "nothing", "recorded")
-    assert problems(full(), RecordingFacts(Path("x"), 10, None, "torn")) == ["torn"]
+    for messages in (None, 5):
+        torn = RecordingFacts(Path("x"), 10, messages, "torn")
+        assert problems(full(), torn) == ["torn"]
+    table = "\n".join(": ".join(row) for row in summary_rows(full(), torn))
+    line_naming(table, "recording", "5 messages", "not whole")
 
 
 @pytest.mark.parametrize("count", [SAMPLE - 1, SAMPLE, 10 * SAMPLE + 7, 1_000_000])

@@ -27,6 +27,16 @@ from tripod_bringup.status_line import ChainStatus, status_line
         ("[INFO] [1.5] [sim]: ready", LogLine(Level.INFO, "ready")),
         ("Traceback (most recent call last):", LogLine(Level.ERROR, "Traceback (most recent call last):")),
         ("recording", LogLine(Level.ERROR, "recording")),
+        (
+            "recorded /data/a 7 messages, 0 lost",
+            LogLine(
+                Level.ERROR, "recorded /data/a 7 messages, 0 lost", "recorded", "/data/a 7 messages, 0 lost"
+            ),
+        ),
+        (
+            "[ERROR] [1.5] [record]: the recording ended: /data/a: no room",
+            LogLine(Level.ERROR, "the recording ended: /data/a: no room", "recorded", "/data/a: no room"),
+        ),
     ],
 )
 def test_a_line_is_understood(line: str, expected: LogLine) -> None:

@@ -1,21 +1,27 @@
 """What `tripod up` starts, in which order and with which parameters; and when it decides to stop."""
 
 import errno
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.messages import assert_names, raises_naming
+from tests.bringup.processes import wait_until
+from tests.messages import assert_names, line_naming, lines_naming, raises_naming
+from tests.record.bags import STRING, cdr_string
 from tripod_bringup import up as up_module
 from tripod_bringup import up_command
+from tripod_bringup.demo_summary import Measurements
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.screen import Screen
 from tripod_bringup.supervisor import Ending
-from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _judged, _report, _Until, stages
+from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _judged, _report, _show, _Until, stages
 from tripod_graph import names
 from tripod_ik import settings
+from tripod_record.recorder import Recorder
+from tripod_record.writer import BagWriter
 
 
 class FakeWatch:
@@ -223,6 +229,42 @@ def test_a_recorder_that_did_not_end_in_order_is_told_with_its_recording(
     told = capsys.readouterr().err
     assert_names(told, "tripod up: ", "record", "SIGKILL", "incomplete", "a.mcap")
     assert told.count("\n") == 1
+
+
+def test_of_a_recording_on_a_full_disk_recorder_demo_and_supervisor_say_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorder = Recorder(BagWriter(tmp_path / "bag", compression="none"), period=0.01)
+    recorder.add_topic(STRING)
+    for _ in range(5):
+        recorder.offer("/chatter", cdr_string("kept"))
+    assert wait_until(lambda: recorder.progress.messages == 5)
+    write = os.pwrite
+
+    def full(file: int, data: bytes, at: int) -> int:
+        """Return what `os.pwrite` does on a disk without a free block: what is there can be overwritten."""
+        if at + len(data) > os.fstat(file).st_size:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(file, data, at)
+
+    monkeypatch.setattr(os, "pwrite", full)
+    for _ in range(20):
+        recorder.offer("/chatter", cdr_string("lost"))
+    failed = recorder.stop()
+    facts, options = Facts(cut_short=True), UpOptions(record=tmp_path, demo=True)
+    screen = Screen(terminal=False)
+    said = [f"recording {failed.path}", f"[ERROR] [1.5] [record]: the recording ended: {failed.error}"]
+    for line in said:
+        _show("record", line, facts, options, screen)
+    ending = Ending(14, "record exited with code 1 while stopping", said)
+    demo = SimpleNamespace(measured=Measurements())
+    assert _report(ending, demo, facts, options, screen) == 14  # type: ignore[arg-type]
+    out, err = capsys.readouterr()
+    line_naming(out, "recording ", failed.path, "5 messages", "not whole")
+    told = lines_naming(out + err, failed.path, "No space left", "5 of 25 messages")
+    assert len(told) == 3  # the recorder, the reason of the exit code, the demo
+    assert not lines_naming(out + err, "not closed")
+    assert not lines_naming(out + err, "incomplete")
 
 
 def test_a_fault_of_this_process_is_not_told_as_one_of_a_file(

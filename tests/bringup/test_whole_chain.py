@@ -83,6 +83,13 @@ class Session:
         match = re.search(r"^recording (\S.*)$", out, re.MULTILINE)
         self.recording = Path(match[1].strip()) if match else Path("none")
 
+    @property
+    def token(self) -> str:
+        """End of the address of the page; fail if there is none."""
+        match = re.search(r"^page http://127\.0\.0\.1:\d+/([\w-]{22})$", self.out, re.MULTILINE)
+        assert match, self.out
+        return match[1]
+
     def summary(self, *what: str) -> str:
         """Return the cell of the closing table whose row names `what`."""
         table = [line for line in self.out.splitlines() if re.search(r"\S  +\S", line)]
@@ -141,7 +148,13 @@ def test_the_demo_ends_well_and_tells_every_figure(session: Session) -> None:
     assert max(status.packets_sent for _, status in session.heard(names.ROBOT_STATUS)) > 0
     assert figure(session.summary("packets sent")) > 0
     assert figure(session.summary("body states")) > 0
-    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}", session.summary("page"))
+    assert session.token
+
+
+@pytest.mark.ros
+def test_the_token_of_the_page_is_printed_once(session: Session) -> None:
+    """What runs for days as a service would have it in its log every few seconds."""
+    assert (session.out + session.err).count(session.token) == 1
 
 
 @pytest.mark.ros
@@ -194,7 +207,7 @@ def test_the_file_itself_is_in_the_order_of_time(session: Session) -> None:
 @pytest.mark.ros
 def test_the_token_of_the_page_is_in_no_message(session: Session) -> None:
     """Logs and diagnostics are topics too: others may read them, and recordings are given away."""
-    token = session.summary("page").rpartition("/")[2].encode()
+    token = session.token.encode()
     with session.recording.open("rb") as file:
         said = [m.data for _, _, m in NonSeekingReader(file).iter_messages(log_time_order=False)]
     assert any(b"page http://127.0.0.1:" in data for data in said)
