@@ -33,18 +33,21 @@ class Row:
         protocol: Of the driver.
         firmware: Builds that of the board.
         hidden: Whether what no driver of the workshop's firmware can know of happens too.
+        resets: Whether opening the port resets the board of the workshop.
     """
 
     name: str
     protocol: str
     firmware: Callable[[], Path]
     hidden: bool
+    resets: bool = True
 
 
 ROWS = (
     Row("`framed`, this project's firmware", "framed", build.firmware, hidden=True),
     Row("`legacy`, the workshop's firmware", "legacy", build.workshop, hidden=False),
     Row("the same, with resets and writers that nobody tells of", "legacy", build.workshop, hidden=True),
+    Row("`legacy`, opening the port resets nothing", "legacy", build.workshop, hidden=False, resets=False),
 )
 
 
@@ -53,7 +56,7 @@ def one(row: Row, seed: int) -> Result:
     board = SimulatedBoard(build.simulator(), row.firmware())
     try:
         with tempfile.TemporaryDirectory() as folder:
-            return play(board, row.protocol, Path(folder), seed, hidden=row.hidden)
+            return play(board, row.protocol, Path(folder), seed, hidden=row.hidden, resets=row.resets)
     finally:
         board.close()
 

@@ -7,12 +7,10 @@ from tripod_driver.calibration import Calibration
 from tripod_driver.framed import VERSION
 from tripod_driver.framed_messages import HelloReply, ResetCause
 from tripod_driver.protocol import SERVO_COUNT
+from tripod_driver.session import TENTHS
 from tripod_graph.names import servo_names
 
 FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
-
-TENTHS: Final = 10
-"""Units of a pulse in a frame in one microsecond."""
 
 STATE_SLACK: Final = 0.05
 """A servo may stand so far outside of its safe range when the driver takes over [rad]."""
@@ -51,6 +49,11 @@ _UNKNOWN: Final = (
 def reset_told(cause: ResetCause) -> tuple[str, str]:
     """Return a word for why a board was reset, and what to say of such a reset during a conversation."""
     return next((told for flag, told in _CAUSES.items() if cause & flag), _UNKNOWN)
+
+
+def is_failure(cause: ResetCause) -> bool:
+    """Return whether a reset shows a fault of supply or firmware, and is none that opening or switching on makes."""
+    return bool(cause & (ResetCause.BROWN_OUT | ResetCause.WATCHDOG)) and not cause & ResetCause.POWER_ON
 
 
 def why_not(reply: HelloReply, calibration: Calibration) -> str:

@@ -22,6 +22,9 @@ TRIPS: float = 1.5
 LATEST: float = 0.28
 """It counts as lost at the latest after this time [s], before silence ends the conversation."""
 
+INCIDENT_TIME: float = 10.0
+"""What the board did by itself stays in the message for so long [s]: a stream of commands goes on at once."""
+
 ROUNDED: float = 1e-3
 """An angle is known so well by the pulse that a board tells, in ticks of its timer of 0.5 us [rad]."""
 
@@ -41,6 +44,8 @@ class Driver:
         period: Shortest time between two changes [s].
         keep_alive: Longest time between two packets [s].
         wanted: Whether the port should be open; else it is closed on purpose.
+        incidents: How often the board did something by itself: a reset, its watchdog.
+        incident: The newest of these, for people.
         packets_sent: Packets handed to the port.
         bytes_sent: Their bytes.
     """
@@ -65,9 +70,11 @@ class Driver:
         """
         self.link, self.safety = link, safety
         self.memory = Memory() if memory is None else memory
+        self.incidents, self.incident, self._incident_at = 0, "", float("-inf")
         self.packets_sent, self.bytes_sent = 0, 0
         self.period, self.keep_alive = period, keep_alive
         self.wanted = False
+        self._now = float("-inf")
         self._content: Content | None = None
         self._firm: Content | None = None  # the newest that is acknowledged, in this conversation
         self._sent_at = self._due = float("-inf")
@@ -92,8 +99,10 @@ class Driver:
 
     @property
     def message(self) -> str:
-        """What is wrong or odd, and what to do about it; empty when all is well."""
-        return "; ".join(filter(None, (self.safety.message, self.link.session.odd)))
+        """What is wrong or odd, or went wrong of late, and what to do about it; empty when all is well."""
+        recent = self.incident if self._now < self._incident_at + INCIDENT_TIME else ""
+        parts = (self.safety.message, recent, self.link.session.odd)
+        return "; ".join(dict.fromkeys(filter(None, parts)))
 
     def connect(self) -> None:
         """Let `tick` open the port, and open it again whenever it is lost; a fault is forgotten."""
@@ -112,6 +121,7 @@ class Driver:
 
     def tick(self, now: float) -> bool:
         """Do what is due at `now` [s]; return whether a packet was sent. Call it at least at the packet rate."""
+        self._now = max(now, self._now)
         self.safety.look(now)
         if not self.wanted or not self._poll(now):
             return False
@@ -171,9 +181,10 @@ class Driver:
         """Converse with the board and tell `safety` how it is; return whether packets may be written."""
         before, state = self.link.state, self.link.poll(now)
         session = self.link.session
-        if session.interruption:
-            self.safety.interrupt(now, session.interruption)
-            session.interruption = ""
+        if session.incident:
+            self.safety.interrupt(now, session.incident)
+            self.incidents, self.incident, self._incident_at = self.incidents + 1, session.incident, now
+            session.incident = ""
         match state:
             case LinkState.DISCONNECTED:
                 self.safety.disconnected(now, self.link.message)
@@ -193,21 +204,25 @@ class Driver:
     # the place --------------------------------------------------------------------------------------------------
 
     def _found(self) -> Place:
-        """Return where the servos are now that the board is ready: told by the board, else remembered, else guessed."""
-        session = self.link.session
-        if session.acknowledges:
-            self.memory.turn_to(self.link.port.identity)
-        if session.place is not None:
+        """Return where the servos are now that the board is ready: told by the board, else remembered, else guessed.
+
+        A board that does not tell has its servos where its firmware puts them only if opening the port has reset it.
+        """
+        session, port = self.link.session, self.link.port
+        self.memory.turn_to(port.identity)
+        if session.place is not None and (session.acknowledges or port.resets):
             return session.place
-        content, sure = self.memory.recall()
-        if content is None or len(content) != len(self.safety.servos):
-            return Place(self.safety.place)
-        return Place(session.angles(content), "it was told so before it lost its power" if sure else "")
+        pulses, sure = self.memory.recall()
+        if pulses is not None and len(pulses) == len(self.safety.servos):
+            source = "it was sent there before it lost its power" if sure else ""
+            return Place(session.angles_of_pulses(pulses), source)
+        return Place(self.safety.place if session.place is None else session.place.angles)
 
     def _remember(self, content: Content) -> None:
-        """Write down what leaves now; a first guess only when the board has it."""
-        if self.link.session.acknowledges and (self._content is not None or self.place_source):
-            self.memory.keep(content)
+        """Write down what leaves now; a first guess only when the board has it, where it acknowledges that."""
+        session = self.link.session
+        if not session.acknowledges or self._content is not None or self.place_source:
+            self.memory.keep(session.pulses(content), sure=session.acknowledges)
 
     def _compare(self, told: Content) -> None:
         """Go on from what is in force on the board, where that is not what it was sent."""
@@ -216,7 +231,7 @@ class Driver:
         if self._content is not None and self._near(angles, session.angles(self._content)):
             return
         self._content = self._firm = None
-        self.memory.keep(told)
+        self.memory.keep(session.pulses(told))
         self.safety.moved(angles)
 
     def _near(self, angles: Sequence[float], others: Sequence[float]) -> bool:

@@ -6,7 +6,7 @@ from typing import Final
 
 from tripod_driver.board_checks import (
     FLASH_ADVICE,
-    TENTHS,
+    is_failure,
     other_version,
     reset_told,
     why_not,
@@ -30,7 +30,7 @@ from tripod_driver.framed_messages import (
 from tripod_driver.imu import parse_line
 from tripod_driver.place import Place
 from tripod_driver.protocol import HEADER
-from tripod_driver.session import ECHO, READINGS_MAX, Content, Session, SessionState, shown
+from tripod_driver.session import ECHO, READINGS_MAX, TENTHS, Content, Session, SessionState, shown
 
 HELLO_PERIOD: Final = 0.1
 """Time between two hellos [s]."""
@@ -67,9 +67,10 @@ class FramedSession(Session):
     """Says hello until it is answered, numbers its packets, and watches that each is acknowledged.
 
     Only a board of this protocol version, with as many servos as the calibration and a range of pulses that covers it,
-    becomes ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog,
-    interrupts the motion. Frames that stay unanswered were lost, they or their answers. What the board heard and was
-    never sent, as its replies tell or a gap before a frame whose forerunner it has answered, is someone else's.
+    becomes ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog, is an
+    incident, and so is an earlier reset by its supply or a hung firmware. Unanswered frames were lost, they or
+    their answers. What the board heard and was never sent, as its replies tell or a gap before a frame whose forerunner
+    it has answered, is someone else's.
     """
 
     name = "framed"
@@ -78,8 +79,7 @@ class FramedSession(Session):
 
     def __init__(self, calibration: Calibration, needed: Calibration | None = None) -> None:
         """`needed`: what the board must be able to make, if that is not all of `calibration`."""
-        super().__init__()
-        self._calibration = calibration
+        super().__init__(calibration)
         self._needed = calibration if needed is None else needed
         self._decoder = Decoder(len(calibration.servos))
         self._sequence = 0
@@ -145,7 +145,11 @@ class FramedSession(Session):
 
     def angles(self, content: Content) -> tuple[float, ...]:
         """Return the angles [rad] that have these pulses."""
-        return self._calibration.angles([tenths / TENTHS for tenths in content])
+        return self.angles_of_pulses(content)
+
+    def pulses(self, content: Content) -> Content:
+        """Return `content`, which is just that."""
+        return content
 
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the safe range: pulses carry all of it."""
@@ -240,9 +244,9 @@ class FramedSession(Session):
             self._refuse(wrong)
             return
         self.reset, told = reset_told(reply.reset)
-        if self._restarted:
+        if self._restarted or (reply.flags & Flags.RESTARTED and is_failure(reply.reset)):
             self._restarted = False
-            self.interruption = told
+            self.incident = told
         self._reply = reply
         self.firmware = f"{reply.firmware[0]}.{reply.firmware[1]}"
         self.place = self._told_place(reply)
@@ -266,7 +270,7 @@ class FramedSession(Session):
             return
         if reply.flags & Flags.WATCHDOG:
             self._counts["watchdog of the board"] += 1
-            self.interruption = "the board heard nothing for its watchdog's time and let go"
+            self.incident = "the board heard nothing for its watchdog's time and let go"
         if reply.flags & Flags.SEQUENCE_GAP and follows:  # the board heard one more than it was sent
             self._suspect(now)
 
@@ -311,10 +315,9 @@ class FramedSession(Session):
                 f"the board was reset {RESETS_MAX} times within {RESET_WINDOW:g} s: give the servos their own supply"
             )
             return
-        self.interruption = "the board was reset"
         self._restarted = True
         self._open(now, now + ANSWER_TIME)
-        self.message = self.interruption
+        self.message = "the board was reset"
 
     def _suspect(self, now: float) -> None:
         self._strangers.append(now)

@@ -21,7 +21,7 @@ class Link:
     A port that cannot be opened, or is lost, or whose board does not answer, is tried again after `retry_min`, then
     after twice as long each time up to `retry_max`; the first packet that leaves ends that growth. A board that must
     not be driven is a fault: the port is closed, for other programs to use, and stays so until `close`.
-    Where nobody answers, a port whose opening wakes nobody stays open between attempts, and so keeps its name.
+    Where nobody answers, a port whose opening resets no board stays open between attempts, and so keeps its name.
 
     Attributes:
         port: The port.
@@ -101,7 +101,7 @@ class Link:
                 self.session = self._sessions[self._sessions.index(session) + 1]
                 self.session.begin(now, 0.0)  # the board has booted by now
             case SessionState.LOST:
-                self._fail(f"{name}: {session.message}", now, close=self.port.wakes)
+                self._fail(f"{name}: {session.message}", now, close=self.port.resets)
             case SessionState.REFUSED:
                 self.port.close()
                 self.state = LinkState.FAULT

@@ -1,9 +1,10 @@
-"""What a board was told last, kept through the death of the driver: in a small file of its own for each board.
+"""The newest pulses that a board was sent, kept through the death of the driver: in a small file for each board.
 
-A board that keeps its power tells by itself where it left the servos. One that lost it does not, and the driver that
-told it may be gone too, by a crash or by `kill -9`. So the content of each packet is written before it leaves: at most
-50 lines of 80 bytes a second, over one another and without `fsync`, a few microseconds each. The kernel keeps them when
-the process dies. When the machine dies it may not, so a line of an earlier boot is no knowledge, only a guess.
+This project's firmware with power tells by itself where it left the servos. One that lost its power does not, nor does
+the workshop's, and the driver that sent the packets may be gone too, by a crash or by `kill -9`. So the pulses of each
+packet are written before it leaves: at most 50 lines of 80 bytes a second, over one another and without `fsync`, a few
+microseconds each. The kernel keeps them when the process dies. When the machine dies it may not, so a line of an
+earlier boot is only a guess. So is one of a packet that no board acknowledges.
 """
 
 import contextlib
@@ -16,8 +17,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-Content = tuple[int, ...]
-"""Numbers of one packet, see `tripod_driver.session`."""
+Pulses = tuple[int, ...]
+"""Pulse width of each servo [0.1 us]."""
 
 LINE_SIZE: Final = 80
 """Bytes of the file of a board with three servos; those of more take whole multiples of it."""
@@ -31,7 +32,7 @@ _LINE = re.compile(rb"(tripod place 1 (\S+)((?: \d{1,5})+)) ([0-9a-f]{8}) *\n")
 
 
 class Memory:
-    """The content of the newest packet to one board at a time.
+    """The pulses of the newest packet to one board at a time.
 
     Attributes:
         path: The file; None if there is none.
@@ -46,7 +47,7 @@ class Memory:
         self._board: str | None = None
         self._file: int | None = None
         self._size = 0
-        self._content: Content | None = None
+        self._pulses: Pulses | None = None
         self._sure = False
 
     def turn_to(self, board: str) -> None:
@@ -66,18 +67,21 @@ class Memory:
         except OSError as error:
             self._give_up(error)
 
-    def recall(self) -> tuple[Content | None, bool]:
-        """Return the content of the newest packet, None if there is none, and whether it surely is the newest."""
-        return self._content, self._sure
+    def recall(self) -> tuple[Pulses | None, bool]:
+        """Return the pulses of the newest packet, None if there is none, and whether they surely are the newest."""
+        return self._pulses, self._sure
 
-    def keep(self, content: Content) -> None:
-        """Take the content of the packet that leaves next, or that the board has told to be in force."""
-        if self._sure and content == self._content:
+    def keep(self, pulses: Pulses, *, sure: bool = True) -> None:
+        """Take the pulses of the packet that leaves next, or that the board has told to be in force.
+
+        `sure`: whether the board acknowledges its packets, so that these are where the servos are.
+        """
+        if (pulses, sure) == (self._pulses, self._sure):
             return
-        self._content, self._sure = content, True
+        self._pulses, self._sure = pulses, sure
         if self._file is None:
             return
-        line = _line(self._boot, content)
+        line = _line(self._boot if sure else "", pulses)
         try:
             os.pwrite(self._file, line, 0)
             if len(line) < self._size:  # it was of more servos
@@ -90,13 +94,13 @@ class Memory:
         """Forget which board it is about; the file keeps what it has."""
         if self._file is not None:
             os.close(self._file)
-        self._board = self._file = self._content = self.path = None
+        self._board = self._file = self._pulses = self.path = None
         self._sure, self.warning = False, ""
 
     def _recall(self, found: bytes) -> None:
         match = _LINE.fullmatch(found) if len(found) % LINE_SIZE == 0 else None
         if match is not None and int(match[4], 16) == crc32(match[1]):
-            self._content = tuple(int(number) for number in match[3].split())
+            self._pulses = tuple(int(number) for number in match[3].split())
             self._sure = bool(self._boot) and match[2] == self._boot.encode("ascii")
         elif found:
             self.warning = (
@@ -141,8 +145,8 @@ def _file_name(board: str) -> str:
     return f"place-{re.sub(r'[^A-Za-z0-9]+', '-', board).strip('-')[-40:]}-{digest}"
 
 
-def _line(boot: str, content: Content) -> bytes:
-    numbers = " ".join(map(str, content))
+def _line(boot: str, pulses: Pulses) -> bytes:
+    numbers = " ".join(map(str, pulses))
     text = f"tripod place 1 {boot or 'unknown'} {numbers}".encode("ascii")
     whole = b"%s %08x" % (text, crc32(text))
     return whole.ljust(-(-(len(whole) + 1) // LINE_SIZE) * LINE_SIZE - 1) + b"\n"

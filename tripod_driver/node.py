@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
@@ -34,6 +36,9 @@ from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import Turns, short
 
+CLOCK = "use_sim_time"
+"""Parameter of ROS that says from where a node takes the time."""
+
 STATUS_PERIOD = 0.1
 """Longest time between two status messages [s]."""
 
@@ -57,10 +62,13 @@ class DriverNode(LifecycleNode):
         self._park_time_max = values["park_time_max"]
         self._shown: tuple[Any, ...] = ()
         self._logged: State | None = None
-        self._warned = ""
+        self._warned, self._logged_incidents = "", 0
         self._turns = Turns()
         self._status_due = 0.0
         self._answer_bad_transitions()
+        self.add_on_set_parameters_callback(
+            self._check_clock
+        )  # in front: it is asked before the clock is changed
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         topics = (names.ROBOT_JOINT_STATES, *([names.JOINT_STATES] if values["joint_states"] else []))
         self._joint_states = [self.create_publisher(JointState, topic, RELIABLE) for topic in topics]
@@ -88,6 +96,15 @@ class DriverNode(LifecycleNode):
         self._driver.period, self._driver.keep_alive = 1.0 / values["rate"], values["keep_alive"]
         self._park_time_max = values["park_time_max"]
         set_period(self._timer, TURN * self._driver.period)
+
+    def _check_clock(self, changes: list[Parameter]) -> SetParametersResult:
+        """Refuse another clock while motion is allowed: the times of trajectories and stamps are those of one clock."""
+        now = self.get_parameter(CLOCK).value
+        if self._safety.is_active and any(c.name == CLOCK and c.value != now for c in changes):
+            remedy = f"deactivate it first: ros2 lifecycle set {self.get_fully_qualified_name()} deactivate"
+            reason = f"parameter '{CLOCK}' stays {now} while the driver is active; {remedy}"
+            return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
 
     def leave(self) -> None:
         """Tell whose goal is followed that it ends."""
@@ -255,10 +272,13 @@ class DriverNode(LifecycleNode):
         return state is State.FAULT or (state is State.DISCONNECTED and self._driver.wanted)
 
     def _log_change(self, state: State, message: str) -> None:
-        """Log a state that is new; a link that goes or comes at a level that is seen."""
+        """Log a state that is new, and what the board did by itself; what is wrong at a level that is seen."""
         if (warning := self._driver.memory.warning) and warning != self._warned:
             self._warned = warning
             self.get_logger().warning(warning)
+        if self._logged_incidents != self._driver.incidents:
+            self._logged_incidents = self._driver.incidents
+            self.get_logger().warning(self._driver.incident)
         if state is self._logged:
             return
         self._logged = state

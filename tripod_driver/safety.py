@@ -180,6 +180,11 @@ class Safety:
         return self._limits.angle_speed * PULSE_PERIOD
 
     @property
+    def is_active(self) -> bool:
+        """Whether motion is allowed, be the board ready or not."""
+        return self._active
+
+    @property
     def listens(self) -> bool:
         """Whether commands may move the servos: it is active and the board ready."""
         return self._active and self._board is State.READY
@@ -234,11 +239,8 @@ class Safety:
             self._board, self._trouble = State.DISCONNECTED, "the port was not opened yet"
 
     def interrupt(self, now: float, why: str) -> None:
-        """Hold because of `why`, if there is a motion; the next command goes on from there.
-
-        Where it holds for such a reason already, `why` is the better one.
-        """
-        if self._active and (self._notice or self._follower.activity is Activity.ACTIVE):
+        """Hold because of `why`, if there is a motion; the next command goes on from there."""
+        if self._active and self._follower.activity is Activity.ACTIVE:
             self._notice = why
         self._follower.rest(self.moment(now))
 

@@ -1,11 +1,12 @@
 """What is said on the line, from the opening of a port to its loss. Pure: bytes in, bytes out, time given."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from enum import Enum
 from typing import Final
 
-from tripod_driver.calibration import Calibration
+from tripod_driver.calibration import ARDUINO_PULSES, Calibration
 from tripod_driver.imu import ImuReading, LineReader
 from tripod_driver.place import Place, library_start
 from tripod_driver.protocol import LegacyProtocol
@@ -13,6 +14,9 @@ from tripod_driver.protocol import LegacyProtocol
 Content = tuple[int, ...]
 """The numbers in one packet, one for each servo, in the unit of its protocol: equal numbers need no new packet."""
 
+
+TENTHS: Final = 10
+"""Units of a pulse in one microsecond, in a frame and where pulses are kept."""
 
 READINGS_MAX: Final = 16
 """Readings of the IMU that wait to be taken; older ones are forgotten."""
@@ -40,9 +44,10 @@ class Session(ABC):
         acknowledges: Whether the board acknowledges each packet.
         state: How far it is.
         message: Why it is not ready; empty when it is.
-        interruption: Set when the motion must be given up: why. The caller takes it and empties it.
-        place: Where the servos are since the session became ready, as the board says or its firmware always does; None
-            if nobody on the line knows.
+        incident: What the board did by itself, so that motion must be given up: a reset, its watchdog. The caller takes
+            it and empties it.
+        place: Where the servos are since the session became ready, as the board says; of a board that says nothing,
+            where its firmware puts them when it starts. None if the board does not know.
         told: What is in force as the board said last, taken and emptied by the caller; None: nothing new.
         readings: Readings of the IMU that came and were not taken yet, the newest last.
         firmware: What the board says that it runs; empty if it says nothing.
@@ -54,10 +59,11 @@ class Session(ABC):
     baud: int = 115200
     acknowledges: bool = False
 
-    def __init__(self) -> None:
+    def __init__(self, calibration: Calibration) -> None:
+        self._calibration = calibration
         self.state = SessionState.OPENING
         self.message = ""
-        self.interruption = ""
+        self.incident = ""
         self.place: Place | None = None
         self.told: Content | None = None
         self.readings: list[ImuReading] = []
@@ -87,6 +93,14 @@ class Session(ABC):
     @abstractmethod
     def angles(self, content: Content) -> tuple[float, ...]:
         """Return the angles [rad], shape (s,), for which `content` stands."""
+
+    @abstractmethod
+    def pulses(self, content: Content) -> Content:
+        """Return the pulse widths [0.1 us] for which `content` stands."""
+
+    def angles_of_pulses(self, pulses: Content) -> tuple[float, ...]:
+        """Return the angles [rad], shape (s,), of pulse widths [0.1 us]."""
+        return self._calibration.angles([tenths / TENTHS for tenths in pulses])
 
     @abstractmethod
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -147,12 +161,12 @@ class LegacySession(Session):
     ) -> None:
         """`start`: angles of the servos after the firmware's own start [rad], shape (3,); None: those of the library.
 
-        Opening the port resets these boards, so that is where the servos are then, wherever they were before.
+        A port that resets the board when it is opened leaves them there, wherever they were before.
         """
-        super().__init__()
+        super().__init__(calibration)
         self.name = protocol.name
         self.baud = protocol.baud
-        self._protocol, self._calibration = protocol, calibration
+        self._protocol = protocol
         angles = library_start(calibration) if start is None else tuple(map(float, start))
         self.place = Place(angles, "its firmware attaches the servos there when it starts")
         self._ready_at = 0.0
@@ -198,6 +212,12 @@ class LegacySession(Session):
         """Return the angles [rad] in the middle of those that become these degrees."""
         middle = [self._protocol.mapping.angle(degrees) for degrees in content]
         return tuple(s.joint_angle(a) for s, a in zip(self._calibration.servos, middle, strict=True))
+
+    def pulses(self, content: Content) -> Content:
+        """Return the pulse widths [0.1 us] in the middle of those that become these degrees."""
+        low, high = ARDUINO_PULSES
+        shafts = [math.pi + self._protocol.mapping.angle(degrees) for degrees in content]
+        return tuple(round(TENTHS * (low + (high - low) * shaft / math.pi)) for shaft in shafts)
 
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return what the degrees of the protocol can carry and the calibration allows."""

@@ -38,7 +38,14 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "baud", 0, "Speed of a serial port, in bits a second; 0: that of the protocol", low=0, high=4_000_000
     ),
-    Parameter("boot_time", 2.0, "Time a board needs after its port was opened", "s", low=0.0, high=30.0),
+    Parameter(
+        "boot_time",
+        2.0,
+        "Time a board needs after its port was opened, which resets it; 0: opening does not reset it",
+        "s",
+        low=0.0,
+        high=30.0,
+    ),
     Parameter(
         "write_timeout", 0.05, "A serial port that takes no bytes so long is lost", "s", low=0.001, high=1.0
     ),
@@ -96,7 +103,7 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
     start, memory = values["start"], Memory(state_folder(os.environ))
     if isinstance(port, MockPort):  # of which is known where it stands
         memory.turn_to(port.identity)
-        memory.keep(sessions[0].content(start or limits.park[:-1]))
+        memory.keep(sessions[0].pulses(sessions[0].content(start or limits.park[:-1])))
     return Driver(
         Link(port, *sessions, retry_min=values["retry_min"], retry_max=values["retry_max"]),
         Safety(limits, *common_bounds(sessions), start=start or None),

@@ -11,6 +11,7 @@ from tripod_driver.driver import Driver
 from tripod_driver.framed import VERSION
 from tripod_driver.framed_messages import BoardState, Flags, HelloReply, ResetCause
 from tripod_driver.link import Link
+from tripod_driver.memory import Memory
 from tripod_driver.ports.mock import MockPort
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.protocol import AngleMapping
@@ -51,18 +52,26 @@ class Bench:
         calibration: Calibration = CALIBRATION,
         boot_time: float = 0.0,
         known: bool = True,
+        resets: bool = True,
+        memory: Memory | None = None,
     ) -> None:
-        """`known`: the driver remembers that the servos are at START."""
+        """`known`: the driver remembers that the servos are at START. `resets`: opening the port resets the board."""
         self.clock = Clock()
         self.board = MockBoard(self.clock) if board is None else board
         self.port = MockPort(self.board, boot_time=boot_time)
+        self.port.resets = resets
         sessions = choose_sessions(protocol, AngleMapping.ROUNDED, calibration, start=START)
         self.link = Link(self.port, *sessions, retry_min=0.5, retry_max=2.0)
         self.safety = Safety(LIMITS, *common_bounds(sessions), start=START)
-        self.driver = Driver(self.link, self.safety, period=0.0195)  # a change at each fourth tick
+        self.driver = Driver(
+            self.link,
+            self.safety,
+            period=0.0195,  # a change at each fourth tick
+            memory=memory,
+        )
         if known:
             self.driver.memory.turn_to(self.port.identity)
-            self.driver.memory.keep(sessions[0].content(START))
+            self.driver.memory.keep(sessions[0].pulses(sessions[0].content(START)))
         self.sent: list[tuple[float, tuple[float, ...]]] = []
         self.states: list[State] = []
         self.driver.connect()

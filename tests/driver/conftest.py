@@ -23,6 +23,9 @@ DEADLINE = 60.0
 
 PROJECT = Path(__file__).parents[2]
 
+UNO, NODE = ("-m", "tests.driver.uno"), ("-m", "tripod_driver.node")
+"""The driver where opening the port resets the board, and as it is: opening a pseudo-terminal resets nothing."""
+
 
 class Board:
     """A pseudo-terminal that reads what the driver writes; it can be unplugged and plugged in again.
@@ -174,7 +177,7 @@ def start_driver(tmp_path: Path, domain: int, namespace: str) -> Iterator[Callab
     """Start drivers with the words of a command line; none outlives the test."""
     started: list[DriverProcess] = []
 
-    def start(*arguments: str, program: Sequence[str] = ("-m", "tripod_driver.node")) -> DriverProcess:
+    def start(*arguments: str, program: Sequence[str] = UNO) -> DriverProcess:
         started.append(DriverProcess(tmp_path, [*arguments, f"__ns:={namespace}"], program))
         return started[-1]
 

@@ -363,7 +363,7 @@ def test_a_failure_while_running_parks_too(board, operator, client, start_driver
     from std_srvs.srv import Trigger
 
     code = (
-        "import sys; from tripod_driver import node\n"
+        "import sys, tests.driver.uno; from tripod_driver import node\n"
         "def fail(*_): raise RuntimeError('a defect')\n"
         "node.DriverNode._on_stop = fail\n"
         "sys.exit(node.main(sys.argv[1:]))"

@@ -12,14 +12,14 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 from tests import messages
-from tests.driver.conftest import DEADLINE, Board
+from tests.driver.conftest import DEADLINE, NODE, Board
 from tests.driver.operator import LONGEST_STEP, near
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed import VERSION
-from tripod_driver.framed_messages import BoardState
+from tripod_driver.framed_messages import BoardState, ResetCause
 from tripod_driver.node import PARAMETERS, make_driver
 from tripod_driver.ports.mock_board import MockBoard
-from tripod_driver.protocol import LegacyProtocol
+from tripod_driver.protocol import RESOLUTION, LegacyProtocol
 from tripod_graph import names
 from tripod_graph.mode import Mode
 from tripod_graph.qos import RELIABLE, SENSOR
@@ -152,6 +152,89 @@ def test_a_board_of_this_project_gets_pulses_and_is_told_in_the_diagnostics(
 
     client.wait(lambda: told().get("firmware") == "0.0", "the firmware")
     assert float(told()["round trip [ms]"]) > 0
+
+
+@pytest.mark.ros
+def test_a_brown_out_is_in_the_status_and_in_the_log_though_motion_goes_on(
+    answering, operator, client, start_driver
+) -> None:
+    driver = start_driver(f"port:={answering.path}", "boot_time:=0")
+    operator.ready()
+
+    def stream() -> None:
+        operator.send([-0.7 - 0.5 * math.sin(3 * time.monotonic())] * 3)
+
+    client.wait(lambda: operator.status.state == operator.status.ACTIVE, "motion", meanwhile=stream)
+    answering.firmware.cause = ResetCause.BROWN_OUT
+    answering.firmware.restart()
+    client.wait(lambda: messages.names(operator.status.message, "supply"), "the message", meanwhile=stream)
+    operator.statuses.clear()
+    client.wait(lambda: len(operator.statuses) > 10, "statuses", meanwhile=stream)
+    assert all(messages.names(status.message, "reset", "supply") for status in operator.statuses)
+    assert operator.status.state == operator.status.ACTIVE
+    client.wait(lambda: messages.lines_naming(driver.log, "WARN", "reset", "supply"), "the log")
+
+
+@pytest.mark.ros
+def test_the_clock_of_an_active_driver_is_not_changed(operator, client, start_driver) -> None:
+    from lifecycle_msgs.srv import ChangeState
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    start_driver("port:=mock")
+    operator.ready()
+
+    def change(*, sim_time: bool):
+        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=sim_time)
+        request = SetParameters.Request(parameters=[Parameter(name="use_sim_time", value=value)])
+        return client.call(SetParameters, "driver/set_parameters", request).results[0]
+
+    refused = change(sim_time=True)
+    assert not refused.successful
+    messages.assert_names(refused.reason, "'use_sim_time'", "False", "active", "ros2 lifecycle set")
+    messages.assert_names(refused.reason, f"{client.node.get_namespace()}/driver deactivate")
+    operator.statuses.clear()
+    client.wait(lambda: len(operator.statuses) > 3, "statuses")
+    assert all(status.header.stamp.sec > 0 for status in operator.statuses)  # no /clock: it would be 0
+    assert change(sim_time=False).successful  # no change
+    request = ChangeState.Request()
+    request.transition.label = "deactivate"
+    assert client.call(ChangeState, "driver/change_state", request).success
+    assert change(sim_time=True).successful
+
+
+@pytest.mark.ros
+def test_after_kill_9_on_a_port_that_resets_nothing_the_workshops_servos_creep_from_where_they_are(
+    board, operator, client, start_driver
+) -> None:
+    """The board runs on, and its servos stand where the killed driver left them; the next one's packets begin there."""
+    words = (f"port:={board.path}", "protocol:=legacy", "boot_time:=0.1")
+    first = start_driver(*words, program=NODE)
+    operator.ready()
+    assert not operator.status.place_known
+    pose = [math.radians(93 - 180)] * 3  # where that firmware starts: it need not creep far
+    client.wait(lambda: operator.status.place_known, "the pose", meanwhile=lambda: operator.send(pose))
+    far = [-0.6, -0.5, -0.4]
+    client.wait(
+        lambda: board.packets and near(board.packets[-1], far),
+        "the far pose",
+        meanwhile=lambda: operator.send(far),
+    )
+    assert first.stop(signal.SIGKILL) == -signal.SIGKILL
+    count = len(board.packets)
+    operator.statuses.clear()
+    start_driver(*words, program=NODE)
+    operator.ready()
+    assert not operator.status.place_known
+    messages.assert_names(operator.status.message, "nobody knows", "servos")
+    client.wait(
+        lambda: len(board.packets) > count + 20, "motion", meanwhile=lambda: operator.send([-1.5] * 3)
+    )
+    way = np.array(board.packets[count:])
+    assert near(way[0], far)
+    assert (
+        np.abs(np.diff(way, axis=0)).max() <= 2 * RESOLUTION + 1e-9
+    )  # a degree; 4 rad/s would be four or five
 
 
 @pytest.mark.ros

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from tests.decisions import said
 from tests.driver.bench import LIMITS, START, TICK, Bench
 from tests.messages import assert_names, names
+from tripod_driver.driver import INCIDENT_TIME
 from tripod_driver.framed import encode
-from tripod_driver.framed_messages import BoardState, SetPulses
+from tripod_driver.framed_messages import BoardState, ResetCause, SetPulses
 from tripod_driver.framed_session import SLOW
 from tripod_driver.ports.mock import Fault
-from tripod_driver.ports.mock_board import STEP
+from tripod_driver.ports.mock_board import STEP, MockBoard
 from tripod_driver.safety import State
 from tripod_graph.mode import Mode
 
@@ -133,13 +134,67 @@ def test_a_reset_in_motion_holds_says_so_and_greets_the_board_anew() -> None:
     bench.board.restart()
     bench.run(0.1)
     assert bench.safety.state is State.HOLDING
-    assert_names(bench.safety.message, "board", "reset", "button", "port")
+    assert_names(bench.driver.message, "board", "reset", "button", "port")
     assert State.CONNECTING in bench.states[-3:]
     bench.run(0.8)
     assert bench.sent[-1][1] == pytest.approx(here, abs=0.05)  # it neither went on nor jumped
     assert bench.link.session.diagnostics["board resets"] == 1
     bench.goto(-1.0, -1.0, -1.0)
     assert bench.safety.message == ""
+
+
+@pytest.mark.parametrize(
+    ("cause", "named"),
+    [
+        (ResetCause.BROWN_OUT, ("reset", "supply", "of their own")),
+        (ResetCause.BROWN_OUT | ResetCause.EXTERNAL, ("reset", "supply", "of their own")),
+        (ResetCause.WATCHDOG, ("reset", "watchdog", "firmware")),
+    ],
+    ids=str,
+)
+def test_a_failure_of_the_board_stays_in_the_message_while_commands_stream(
+    cause: ResetCause, named: tuple[str, ...]
+) -> None:
+    bench = Bench().moving()
+    bench.board.cause = cause
+    bench.board.restart()
+    began = bench.clock.now
+    while bench.clock.now < began + INCIDENT_TIME - 0.5:
+        bench.run(0.1, bench.stream)
+        if bench.clock.now > began + 0.3:
+            assert bench.safety.state is State.ACTIVE
+            assert_names(bench.driver.message, *named)
+    assert bench.driver.incidents == 1
+    bench.run(1.0, bench.stream)
+    assert bench.driver.message == ""
+
+
+def test_a_brown_out_at_rest_is_told_too() -> None:
+    bench = Bench().run(0.2)
+    bench.safety.deactivate()
+    bench.board.cause = ResetCause.BROWN_OUT
+    bench.board.restart()
+    bench.run(1.5)
+    assert_names(bench.driver.message, "reset", "supply")
+
+
+@pytest.mark.parametrize(
+    ("cause", "told"),
+    [
+        (ResetCause.BROWN_OUT, 1),
+        (ResetCause.WATCHDOG, 1),
+        (ResetCause.POWER_ON | ResetCause.BROWN_OUT, 0),  # just switched on: the supply rises
+        (ResetCause.POWER_ON, 0),
+        (ResetCause.EXTERNAL, 0),  # by the opening of the port
+    ],
+    ids=str,
+)
+def test_of_resets_before_the_first_answer_those_are_told_that_are_failures(
+    cause: ResetCause, told: int
+) -> None:
+    board = MockBoard()
+    board.cause = cause
+    assert Bench(board).run(0.5).driver.incidents == told
 
 
 def test_a_reset_at_rest_is_noticed_by_the_next_hello() -> None:

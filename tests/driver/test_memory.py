@@ -177,9 +177,8 @@ def test_a_driver_ramps_from_what_the_one_before_it_had_sent_though_the_board_lo
     tmp_path: Path,
 ) -> None:
     def driven(**options) -> Bench:
-        bench = Bench(known=False, **options)
+        bench = Bench(known=False, memory=Memory(tmp_path), **options)
         bench.port.__class__ = type("Named", (bench.port.__class__,), {"identity": BOARD})
-        bench.driver.memory = Memory(tmp_path)
         bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, bench.clock.now)
         bench.run(0.1)
         return bench

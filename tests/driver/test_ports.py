@@ -8,6 +8,7 @@ import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ from tripod_driver.framed_messages import Hello
 from tripod_driver.ports import boards, pseudo_terminal, serial_port
 from tripod_driver.ports.boards import FoundPort, find_board, serial_ports
 from tripod_driver.ports.choose import choose_port
+from tripod_driver.ports.holders import Holder
 from tripod_driver.ports.mock import MEMORY, Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.ports.port import Port, PortError
@@ -183,6 +185,58 @@ def test_a_file_is_no_serial_port(tmp_path: Path) -> None:
     for path in (file, tmp_path, Path("/dev/null")):
         with raises_naming(PortError, path, "no serial port", "serial ports:"):
             SerialPort(str(path)).open()
+
+
+# whether opening has reset the board ------------------------------------------------------------------------
+
+
+def uno_at(path: str, **changed: int | None) -> FoundPort:
+    return replace(FoundPort(path, 0x2341, 0x0043), **changed)
+
+
+def set_hang_up(end: int, *, drops: bool) -> None:
+    """Let DTR fall, or stay up, when the port is closed, as `stty hupcl` and `stty -hupcl` do."""
+    settings = termios.tcgetattr(end)
+    settings[2] = settings[2] | termios.HUPCL if drops else settings[2] & ~termios.HUPCL
+    termios.tcsetattr(end, termios.TCSANOW, settings)
+
+
+@pytest.mark.parametrize(
+    ("changed", "boot_time", "drops", "shared", "resets"),
+    [
+        ({}, 2.0, True, False, True),
+        ({"vid": 0x1A86, "pid": 0x7523}, 2.0, True, False, True),  # the bridge of most clones of the Nano
+        ({"vid": 0xFFFF, "pid": 0x0001}, 2.0, True, False, True),  # an adapter that is not in the list
+        ({"vid": None, "pid": None}, 2.0, True, False, False),  # pins of a Raspberry Pi have no DTR
+        ({"pid": 0x8036}, 2.0, True, False, False),  # a Leonardo
+        ({"pid": 0x8037}, 2.0, True, False, False),  # a Micro
+        ({}, 0.0, True, False, False),  # says the user
+        ({}, 2.0, False, False, False),  # DTR stayed up when it was closed last
+        ({}, 2.0, True, True, False),  # another program holds DTR up
+    ],
+)
+def test_opening_resets_a_board_where_dtr_rises_and_leads_to_its_reset(
+    changed: dict[str, int | None],
+    boot_time: float,
+    drops: bool,
+    shared: bool,
+    resets: bool,
+    board,
+    monkeypatch,
+) -> None:
+    monkeypatch.setattr(serial_port, "serial_ports", lambda: [BUILT_IN, uno_at(board.path, **changed)])
+    holding = [Holder(4242, "minicom")] if shared else []
+    monkeypatch.setattr(serial_port, "holders", lambda path: holding if path == board.path else [])
+    far = os.open(board.path, os.O_RDWR | os.O_NOCTTY)
+    set_hang_up(far, drops=drops)
+    with SerialPort(board.path, boot_time=boot_time) as port:
+        assert port.resets is resets
+    os.close(far)
+
+
+def test_a_pseudo_terminal_resets_nothing(board) -> None:
+    with SerialPort(board.path, boot_time=2.0) as port, PseudoTerminalPort() as own:
+        assert (port.resets, own.resets) == (False, False)
 
 
 # finding the board ----------------------------------------------------------------------------------------

@@ -82,6 +82,7 @@ class Line(Port):
 
     def __init__(self, world: "World") -> None:
         self._world, self._generation = world, -1
+        self.resets = world.opening_resets
 
     @property
     def name(self) -> str:
@@ -126,12 +127,19 @@ class World:
     """
 
     def __init__(
-        self, board: SimulatedBoard, protocol: str, folder: Path, seed: int, *, hidden: bool
+        self,
+        board: SimulatedBoard,
+        protocol: str,
+        folder: Path,
+        seed: int,
+        *,
+        hidden: bool,
+        resets: bool = True,
     ) -> None:
-        """`hidden`: in `legacy`, play also what no driver can know of."""
+        """`hidden`, `resets`: in `legacy`, play also what no driver can know of; opening the port resets the board."""
         self.board, self.protocol, self.folder, self.rng = board, protocol, folder, random.Random(seed)
         self.plugged, self.generation, self.recognised = True, 0, True
-        self.opening_resets = protocol == "legacy" or self.rng.random() < 0.5
+        self.opening_resets = resets if protocol == "legacy" else self.rng.random() < 0.5
         self.result = Result()
         self._workshop = protocol == "legacy"
         self._plays_hidden = hidden or protocol == "framed"
@@ -165,7 +173,10 @@ class World:
             self._hidden_since = self.board.now
 
     def reset(self, *, told: bool, power: bool = False) -> None:
-        """Reset the board between two pulses; `told`: the port was opened or lost at the same time."""
+        """Reset the board between two pulses; `told`: the port was opened or lost at the same time.
+
+        The driver knows of that where the board tells it, or where each opening of the port resets the board.
+        """
         end = self.board.now + 1.25 * PERIOD
         while self.board.now < end and not self._between_pulses():
             self.board.run(0.001)
@@ -180,7 +191,7 @@ class World:
             self.board.reset()
         self._boots_until = self.board.now + self.rng.uniform(START_TIME, 0.9 * BOOT_TIME)
         self._starts.append(self.board.now)
-        if told:
+        if told and (self.opening_resets or not self._workshop):
             if self._hidden_since is not None:
                 self._hidden.append((self._hidden_since, self.board.now))
             self._hidden_since = None
@@ -395,9 +406,11 @@ class World:
                 result.at = pulse.start
 
 
-def play(board: SimulatedBoard, protocol: str, folder: Path, seed: int, *, hidden: bool = True) -> Result:
-    """Play history number `seed` on a board just switched on; the files of its drivers are in `folder`."""
-    return World(board, protocol, folder, seed, hidden=hidden).play()
+def play(
+    board: SimulatedBoard, protocol: str, folder: Path, seed: int, *, hidden: bool = True, resets: bool = True
+) -> Result:
+    """Play history number `seed` on a board just switched on; the files of its drivers are in `folder`. See `World`."""
+    return World(board, protocol, folder, seed, hidden=hidden, resets=resets).play()
 
 
 def allowed(protocol: str) -> float:

@@ -86,7 +86,7 @@ class Host:
         self.safety = Safety(limits, *common_bounds(sessions), start=START)
         self.driver = Driver(self.link, self.safety)
         self.driver.memory.turn_to(self.port.identity)
-        self.driver.memory.keep(sessions[0].content(START))
+        self.driver.memory.keep(sessions[0].pulses(sessions[0].content(START)))
         self.driver.connect()
         self.safety.activate(board.now)
         self.safety.control_mode(said(Mode.TELEOP, board.now), board.now, board.now)
@@ -172,7 +172,7 @@ def test_a_reset_in_motion_is_told_with_its_cause(board, cause: ResetCause) -> N
     board.set_memory(MCUSR, cause)
     host.run(0.5)
     word, message = reset_told(cause)
-    assert (host.safety.message, host.link.session.diagnostics["last reset"]) == (message, word)
+    assert (host.driver.message, host.link.session.diagnostics["last reset"]) == (message, word)
 
 
 def assert_only_what_was_sent(host: Host, pulses: list[Pulse]) -> None:

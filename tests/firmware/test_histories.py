@@ -27,10 +27,13 @@ def switched_on(tmp_path: Path):
         board.close()
 
 
-def failing(switched_on, protocol: str, folder: Path, seeds, *, hidden: bool) -> dict[int, Result]:
+def failing(
+    switched_on, protocol: str, folder: Path, seeds, *, hidden: bool, resets: bool = True
+) -> dict[int, Result]:
     found = {}
     for seed in seeds:
-        result = play(switched_on(protocol), protocol, folder / str(seed), seed, hidden=hidden)
+        board = switched_on(protocol)
+        result = play(board, protocol, folder / str(seed), seed, hidden=hidden, resets=resets)
         assert result.pulses > 50
         if result.step > allowed(protocol):
             found[seed] = result
@@ -57,6 +60,13 @@ def test_in_random_histories_no_pulse_of_the_projects_firmware_jumps(switched_on
 @pytest.mark.parametrize("seeds", halves(FAILED_LEGACY), ids=["first", "rest"])
 def test_in_random_histories_no_pulse_of_the_workshops_firmware_jumps(switched_on, tmp_path, seeds) -> None:
     assert failing(switched_on, "legacy", tmp_path, seeds, hidden=False) == {}
+
+
+@pytest.mark.parametrize("seeds", halves(FAILED_LEGACY), ids=["first", "rest"])
+def test_no_pulse_of_the_workshops_firmware_jumps_where_opening_the_port_resets_nothing(
+    switched_on, tmp_path, seeds
+) -> None:
+    assert failing(switched_on, "legacy", tmp_path, seeds, hidden=False, resets=False) == {}
 
 
 def test_the_measure_sees_a_jump(switched_on, tmp_path) -> None:

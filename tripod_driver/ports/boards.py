@@ -32,6 +32,9 @@ BOARDS: Final[dict[tuple[int, int], str]] = {
 }
 """Vendor and product identity of the boards and USB bridges that the robot is built with."""
 
+WITHOUT_RESET: Final = frozenset({(0x2341, 0x0069), (0x2341, 0x1002), (0x2341, 0x8036), (0x2341, 0x8037)})
+"""Those of them that have no reset line from USB: they run on when their port is opened."""
+
 BY_ID: Final = Path("/dev/serial/by-id")
 
 
@@ -60,6 +63,11 @@ class FoundPort:
         """What tells the board from others: its USB identity or, without a number in it, the name of the port too."""
         usb = "" if self.vid is None else f"{self.vid:04X}:{self.pid or 0:04X}"
         return f"{usb}:{self.serial_number}" if usb and self.serial_number else f"{usb}:{self.device}"
+
+    @property
+    def has_reset_line(self) -> bool:
+        """Whether DTR, which rises when the port is opened, resets the board, as on an Uno or a Nano."""
+        return self.vid is not None and (self.vid, self.pid) not in WITHOUT_RESET
 
     @property
     def board(self) -> str:

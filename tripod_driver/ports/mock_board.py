@@ -44,6 +44,7 @@ class MockBoard:
         pulses: What the servos get, or got last [0.1 us]; 0 before the first.
         version: Of the protocol that it speaks.
         pulse_range: Shortest and longest pulse that it makes [0.1 us].
+        cause: Of its last reset.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class MockBoard:
         """`clock` gives the time of its watchdog [s]; without it the watchdog sleeps."""
         self.servos = servos
         self.pulse_range = PULSE_RANGE
+        self.cause = ResetCause.EXTERNAL
         self.version = version
         self._history: deque[Pulses] = deque(maxlen=MEMORY)
         self._clock = clock
@@ -99,7 +101,7 @@ class MockBoard:
         match message:
             case Hello():
                 limits, told = (low, high, 500, SLEW), (self._state, self._taken_flags(), self.pulses)
-                return HelloReply((0, 0), VERSION, self.servos, *limits, ResetCause.EXTERNAL, *told)
+                return HelloReply((0, 0), VERSION, self.servos, *limits, self.cause, *told)
             case SetPulses(pulses) if all(low <= pulse <= high for pulse in pulses):
                 self.pulses = tuple(STEP * round(pulse / STEP) for pulse in pulses)
                 self._history.append(self.pulses)

@@ -14,11 +14,12 @@ class Port(ABC):
 
     Attributes:
         boot_time: Time after opening in which the board may lose bytes [s].
-        wakes: Whether opening it again may help where nobody answers, as it resets a board.
+        resets: Whether opening it has reset the board, as far as the port can tell. Then opening it again may help
+            where nobody answers.
     """
 
     boot_time: float = 0.0
-    wakes: bool = True
+    resets: bool = True
 
     @property
     @abstractmethod

@@ -24,7 +24,7 @@ class PseudoTerminalPort(Port):
     Without a reader nothing blocks: when the kernel's buffer is full, what is old in it is dropped.
     """
 
-    wakes = False  # there is no board to reset, and opened again it would have another name
+    resets = False  # it has no line for that, and opened again it would have another name
 
     def __init__(self) -> None:
         self._ends: tuple[int, int] | None = None

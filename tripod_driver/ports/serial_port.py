@@ -10,7 +10,7 @@ from typing import Final
 
 import serial
 
-from tripod_driver.ports.boards import find_board, listing, serial_ports
+from tripod_driver.ports.boards import FoundPort, find_board, listing, serial_ports
 from tripod_driver.ports.holders import holders
 from tripod_driver.ports.port import Port, PortError
 
@@ -27,8 +27,12 @@ READ_MAX: Final = 4096
 class SerialPort(Port):
     """A serial port, held exclusively.
 
-    Opening raises DTR, which resets an Arduino: the boot loader swallows what arrives in `boot_time`.
+    Opening raises DTR, which resets an Arduino: the boot loader swallows what arrives in `boot_time`. The board runs on
+    where DTR is up already, since another program has the port open or none let it fall (`stty -hupcl`), where no line
+    leads from it to the board's reset, or where the user says so by a `boot_time` of 0.
     """
+
+    resets = False
 
     def __init__(
         self, path: str, *, baud: int = 115200, boot_time: float = 2.0, write_timeout: float = 0.05
@@ -55,10 +59,9 @@ class SerialPort(Port):
         """The USB identity of the board or, of what is no port of this machine, the device as long as it exists."""
         if self._serial is None:
             return ""
-        device = Path(str(self._serial.port)).resolve()
-        known = [port.identity for port in serial_ports() if port.device == str(device)]
-        if known:
-            return known[0]
+        if found := self._found():
+            return found.identity
+        device = Path(self.name).resolve()
         try:
             return f"{device}@{device.stat().st_ctime_ns}"  # a pseudo-terminal: the next one may have the same name
         except OSError:
@@ -68,12 +71,30 @@ class SerialPort(Port):
         """Open the port; raise PortError with the reason and the remedy."""
         self.close()
         path = find_board(serial_ports()).device if self._path == AUTO else self._path
+        shared = bool(holders(path))
         try:
             self._serial = serial.Serial(
                 path, self._baud, timeout=0, write_timeout=self._write_timeout, exclusive=True
             )
         except (OSError, ValueError, termios.error) as error:  # SerialException is an OSError
             raise PortError(reason_not_opened(path, error)) from error
+        self.resets = not shared and self._raised_reset_line()
+
+    def _raised_reset_line(self) -> bool:
+        """Return whether opening the port, which nobody else has open, let DTR rise, which resets the board."""
+        found = self._found()
+        if self._serial is None or self.boot_time == 0 or found is None or not found.has_reset_line:
+            return False
+        with contextlib.suppress(termios.error):
+            return bool(
+                termios.tcgetattr(self._serial.fd)[2] & termios.HUPCL
+            )  # it fell when the port was closed last
+        return False
+
+    def _found(self) -> FoundPort | None:
+        """Return what is known of the open device; None if it is no port of this machine."""
+        device = str(Path(self.name).resolve())
+        return next((port for port in serial_ports() if port.device == device), None)
 
     def write(self, data: bytes) -> None:
         """Hand over all of `data`; raise PortError if the port does not take it in time or is gone."""
