@@ -72,6 +72,21 @@ def test_what_the_board_holds_on_its_behalf_goes_on_being_held_and_is_parked_aft
     assert run(safety, 0.9, 1.0)[-1] == pytest.approx([-0.2] * 3)
 
 
+def test_a_long_lease_lets_a_trajectory_end_and_then_the_robot_parks() -> None:
+    """docs/robot.md: the operator has a lease of 600 s and is never heard of again."""
+    safety = ready(make())
+    hold = [-1.0] * 3
+    safety.trajectory(SERVOS, [1.0, 300.0], [hold, hold], 0.0, source=SOURCE)
+    way = run(safety, 0.0, 300.0)
+    assert way[-1] == pytest.approx(hold)
+    assert safety.state is State.ACTIVE
+    run(safety, 300.0, LIMITS.timeout + LIMITS.park_after - 0.1)
+    assert safety.state is State.HOLDING
+    parked = run(safety, 300.0 + LIMITS.timeout + LIMITS.park_after - 0.1, 1.0)
+    assert (safety.state, safety.authority.lost) == (State.PARKED, "")
+    assert parked[-1] == pytest.approx([-0.2] * 3)
+
+
 def test_a_fault_ends_all_motion_until_somebody_has_looked() -> None:
     safety = ready(make())
     goto(safety, [-1.0] * 3, 0.0)
