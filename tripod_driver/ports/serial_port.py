@@ -71,25 +71,26 @@ class SerialPort(Port):
         """Open the port; raise PortError with the reason and the remedy."""
         self.close()
         path = find_board(serial_ports()).device if self._path == AUTO else self._path
-        shared = bool(holders(path))
         try:
             self._serial = serial.Serial(
                 path, self._baud, timeout=0, write_timeout=self._write_timeout, exclusive=True
             )
         except (OSError, ValueError, termios.error) as error:  # SerialException is an OSError
             raise PortError(reason_not_opened(path, error)) from error
-        self.resets = not shared and self._raised_reset_line()
+        self.resets = self._has_raised_reset_line()
 
-    def _raised_reset_line(self) -> bool:
-        """Return whether opening the port, which nobody else has open, let DTR rise, which resets the board."""
+    def _has_raised_reset_line(self) -> bool:
+        """Return whether DTR has risen as the port was opened, and resets the board."""
         found = self._found()
         if self._serial is None or self.boot_time == 0 or found is None or not found.has_reset_line:
             return False
-        with contextlib.suppress(termios.error):
-            return bool(
+        try:
+            fell = bool(
                 termios.tcgetattr(self._serial.fd)[2] & termios.HUPCL
-            )  # it fell when the port was closed last
-        return False
+            )  # when the port was closed last
+        except termios.error:
+            return False
+        return fell and not holders(self.name)
 
     def _found(self) -> FoundPort | None:
         """Return what is known of the open device; None if it is no port of this machine."""
