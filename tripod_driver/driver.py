@@ -219,9 +219,9 @@ class Driver:
         return Place(self.safety.place if session.place is None else session.place.angles)
 
     def _remember(self, content: Content) -> None:
-        """Write down what leaves now; a first guess only when the board has it, where it acknowledges that."""
+        """Write down what leaves now; a first guess only when the board has it."""
         session = self.link.session
-        if not session.acknowledges or self._content is not None or self.place_source:
+        if self._content is not None or self.place_source:
             self.memory.keep(session.pulses(content), sure=session.acknowledges)
 
     def _compare(self, told: Content) -> None:
