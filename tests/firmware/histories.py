@@ -151,7 +151,9 @@ class World:
         self._hidden_since: float | None = None
         self._hidden: list[tuple[float, float]] = []
         self._foreign, self._powerless_at = 0, board.now
-        self._foreign_moves = self._pulsing = False
+        self._foreign_moves = self._commanded = (
+            False  # whose the last packet was; any since the board has power
+        )
         self._forgotten: list[float] = []
 
     # what the board hears ---------------------------------------------------------------------------------------
@@ -162,7 +164,7 @@ class World:
             return
         self.board.write(data)
         if any(isinstance(frame.message, SetPulses) for frame in Decoder().feed(data)):
-            self._foreign_moves = False
+            self._foreign_moves, self._commanded = False, True
         if self._hidden_since is not None:
             self._hidden.append((self._hidden_since, self.board.now + 2 * PERIOD + 0.005))
             self._hidden_since = None
@@ -183,7 +185,7 @@ class World:
             self._collect()
         if power:
             self.board.power_cycle()
-            self._powerless_at, self._pulsing = self.board.now, False
+            self._powerless_at, self._commanded = self.board.now, False
             if self._foreign_moves:
                 self._forgotten.append(self.board.now)
             self._foreign_moves = False
@@ -247,11 +249,7 @@ class World:
         self._collect()
 
     def _collect(self) -> None:
-        found = self.board.pulses()
-        if found and self._foreign_moves and not self._pulsing:  # the first ones since it has power
-            self._forgotten.append(self._powerless_at)
-        self._pulsing |= bool(found)
-        self._pulses += found
+        self._pulses += self.board.pulses()
 
     # the operator -----------------------------------------------------------------------------------------------
 
@@ -357,7 +355,9 @@ class World:
                 a, b, c = (10 * (544 + degrees * 1856 // 180) for degrees in goal)
                 self._foreign = (self._foreign + 1) % 256
                 self.board.write(encode(SetPulses((a, b, c)), self._foreign))
-                self._foreign_moves = True
+                if not self._commanded:  # the board begins where this packet says
+                    self._forgotten.append(self._powerless_at)
+                self._foreign_moves = self._commanded = True
             else:
                 self.board.write(bytes([255, *goal]))
             self.hide()
