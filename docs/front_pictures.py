@@ -1,7 +1,8 @@
 """The pictures of the first page, off-screen: `python docs/front_pictures.py` (needs matplotlib).
 
 `front.gif`: four scenes as `tripod run` shows them. `promise_accuracy.png`: the stored study of the Tripod in motion.
-`promise_effects.png`: the stored costs of its effects. `promise_stability.png`: the energy after its servos jumped.
+`promise_effects.png`: what its effects cost here, as `tripod explain` measures it. `promise_stability.png`: the energy
+after its servos jumped.
 """
 
 import json
@@ -19,6 +20,8 @@ from matplotlib.patches import Patch
 import tripod_sim
 from tripod_bringup.study_plot import colour_of
 from tripod_sim import Simulation, load_scene
+from tripod_sim.effects import EFFECTS
+from tripod_sim.explain.report import Explanation, explain
 from tripod_sim.recording import Recording
 from tripod_sim.run import run
 from tripod_view.player.of_run import film_of
@@ -105,21 +108,29 @@ def stability() -> plt.Figure:
 
 
 def effects() -> plt.Figure:
-    """What each effect of the Tripod takes of a step, and what absent ones would."""
-    costs = json.loads((STORED / "figures" / "effect_costs.json").read_text(encoding="utf-8"))["scenes"][
-        "tripod"
+    """What each effect of the Tripod takes of a step, and what absent ones would: measured now, on this machine."""
+    found = explain("tripod")
+    on = {name: effect_time(found, name) for name in found.named}
+    off = {cost.effect: cost.seconds for cost in found.absent if cost.measured and cost.seconds}
+    bars = [
+        (seconds, name, colour)
+        for costs, colour in ((on, "tab:blue"), (off, "0.8"))
+        for seconds, name in sorted((seconds, name) for name, seconds in costs.items() if seconds > 0)
     ]
-    known = {name: c for name, c in costs.items() if c["cost"] and c["cost"] > c["noise"]}
-    names = sorted(known, key=lambda name: (not known[name]["on"], known[name]["cost"]))
     figure, ax = axes("Tripod: what an effect costs", "time of a step [us]", "")
-    for k, name in enumerate(names):
-        cost = known[name]
-        ax.barh(k, 1e6 * cost["cost"], color="tab:blue" if cost["on"] else "0.8")
-    ax.set_yticks(range(len(names)), names)
+    for k, (seconds, _, colour) in enumerate(bars):
+        ax.barh(k, 1e6 * seconds, color=colour)
+    ax.set_yticks(range(len(bars)), [name for _, name, _ in bars])
     ax.set_xscale("log")
     kinds = [Patch(color="tab:blue", label="on"), Patch(color="0.8", label="off: not paid for")]
     ax.legend(handles=kinds, frameon=False, loc="lower right")
     return figure
+
+
+def effect_time(found: Explanation, name: str) -> float:
+    """Return the time of the stages of a step that only one effect has [s]; 0 where it has none of its own."""
+    own = EFFECTS[name].steps
+    return sum(stage.seconds for stage in found.stages if own and stage.name.startswith(own))
 
 
 def main(names: list[str], folder: Path = IMAGES) -> None:

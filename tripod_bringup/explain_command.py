@@ -212,9 +212,9 @@ def _show_absent(found: "Explanation", console: "Console", kind: "type[Table]") 
         if cost.seconds is None:
             table.add_row(cost.effect, "-", escape(cost.why_not))
         else:
-            noise = " (noise)" if abs(cost.seconds) <= cost.noise else ""
+            shown = _micro(cost.seconds) if cost.measured else f"below {_micro(cost.noise)}"
             besides = f"; {cost.besides}" if cost.besides else ""
-            table.add_row(cost.effect, _micro(cost.seconds) + noise, escape(" ".join(cost.words) + besides))
+            table.add_row(cost.effect, shown, escape(" ".join(cost.words) + besides))
     console.print(table)
 
 

@@ -35,14 +35,7 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if error := result.get("time_error"):
         rows.append(("time error", _time_error(error)))
     if error := result.get("mesh_error"):
-        from tripod_sim.figures.errors import error_words, together  # noqa: PLC0415 - not needed for the help
-
-        steps = result.get("time_error") or {}
-        step = steps.get("effector", math.nan)
-        both = together(error["effector"], step, steps.get("vector"))
-        words = error_words(error["distance"], step, both)
-        told = f"effector {words}; mesh at worst {1e3 * error['worst']:.2g} (estimated)"
-        rows.append(("error", told))
+        rows.append(("error", _effector_error(error, result.get("time_error") or {})))
     work = f"{result['newton_iterations']} Newton iterations"
     if result.get("time_error") and (result["rejected"] or result["parts"] > result["steps"]):
         work += f", {result['parts']} parts of steps, {result['rejected']} taken back"
@@ -81,26 +74,35 @@ def _figure_rows(figures: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     """Return the rows of what the page shows, too: energy, penetration, accuracy, effects; none without figures."""
     if not figures:
         return []
-    from tripod_sim.figures.effects import EffectFigure, effect_lines  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.figures.stability import stability_lines  # noqa: PLC0415
+    from tripod_sim.figures.stability import stability_lines  # noqa: PLC0415 - not needed for the help
 
     told = ("energy balance", "penetration", "snap")
     shown = [row for row in stability_lines(figures["stability"]) if row[0] in told]
-    effects = effect_lines([EffectFigure(**effect) for effect in figures["effects"]])
-    return [*shown, ("accuracy", figures["accuracy"]), *effects]
+    effects = ", ".join(figures["effects"]) or "none"
+    return [*shown, ("accuracy", figures["accuracy"]), ("effects", effects)]
+
+
+def _effector_error(error: Mapping[str, Any], steps: Mapping[str, Any]) -> str:
+    """Return the largest estimated error of mesh and time steps at the effector."""
+    if math.isnan(error["largest"]):
+        from tripod_sim.figures.errors import error_words  # noqa: PLC0415 - not needed for the help
+
+        return error_words(math.nan)
+    shares = {"mesh": error["largest"], "step": steps.get("effector", math.nan)}
+    words = ", ".join(f"{name} {1e3 * value:.2g}" for name, value in shares.items() if not math.isnan(value))
+    return f"effector at most {1e3 * error['largest_with_steps']:.2g} mm ({words}; estimated)"
 
 
 def _time_error(error: Mapping[str, Any]) -> str:
-    """Return the estimated error of the time steps at the end, and at its worst."""
+    """Return the largest estimated error of the time steps."""
     if error["node"] < 0:
-        most = error["worst_added"] * 1e3
+        most = error["added"] * 1e3
         return f"a part of a step added at most {most:.3g} mm; that of the whole motion is not estimated"
-    told = {"effector": ("effector", "worst_effector"), f"node {error['node']}": ("largest", "worst")}
-    told["ball"] = ("ball", "worst_ball")
+    places = {"effector": "effector", "largest": f"node {error['node']}", "ball": "ball"}
     words = [
-        f"{name} {error[end] * 1e3:.3g} mm, at worst {error[worst] * 1e3:.3g} mm"
-        for name, (end, worst) in told.items()
-        if not math.isnan(error.get(end, math.nan))
+        f"{place} at most {error[name] * 1e3:.2g} mm"
+        for name, place in places.items()
+        if not math.isnan(error.get(name, math.nan))
     ]
     return "; ".join(words) + " (estimated)"
 

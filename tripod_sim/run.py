@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from tripod_host import stop
+from tripod_sim.effects import named
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.figures.accuracy import accuracy_figures, accuracy_line
-from tripod_sim.figures.effects import effect_figures
+from tripod_sim.figures.accuracy import accuracy_figures
 from tripod_sim.figures.energy import EnergyBooks
+from tripod_sim.figures.errors import LargestErrors
 from tripod_sim.figures.stability import stability
-from tripod_sim.integrators.report import StepReport
 from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
@@ -62,16 +62,17 @@ def run(
         noted: Called with each of the notes as soon as it is known.
 
     Returns:
-        effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, newton_iterations (linear solves in all), parts, rejected (parts taken back because they added
-        too much error), increments (of the load in statics), halvings, residual [N], dt_limit (longest stable step of
-        an explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
-        and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque
-        [N m], short [rad]), figures (accuracy in words, effects with their stored costs, stability, as
-        `tripod_sim.figures` has them), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at
-        the end (effector, largest, node, added, ball) and at its worst (worst_effector, worst, worst_added,
-        worst_ball) [m], NaN and node -1 for what is not estimated, with `mesh_error` that of the effector at the end
-        (effector, its length distance) and at its worst (worst) [m], NaN where there is no estimate, with a ball its
+        effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J], time
+        [s], steps, newton_iterations (linear solves in all), parts, rejected (parts taken back because they added too
+        much error), increments (of the load in statics), halvings, residual [N], dt_limit (longest stable step of an
+        explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
+        and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque [N
+        m], short [rad]), figures (accuracy in words; error, which the accuracy study measured and which is promised for
+        other motions, None where it is not known; names of the effects; stability, as `tripod_sim.figures` has it),
+        stalled_time (of each servo [s]), with the scene's `time_error` the largest estimates of the run (effector,
+        largest, node, added, ball) [m], NaN and node -1 for what is not estimated, with `mesh_error` that of the
+        effector at the end (effector, its length distance), the largest of the run, and the largest of it together with
+        the error of the steps (largest, largest_with_steps) [m], NaN where there is no estimate, with a ball its
         position [m] and event (words), with contact what it took in the last step (contacts, those pressed, force [N],
         rounds of the response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m],
         cut) and with rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the
@@ -98,10 +99,7 @@ def run(
     books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
-    worst, worst_mesh = (
-        dict.fromkeys(("worst_effector", "worst", "worst_added", "worst_ball"), np.nan),
-        {"worst": np.nan},
-    )
+    errors = LargestErrors()
     least = Firmness(simulation, steps)
     stalled_steps, unstable = [0] * len(simulation.torques), array("d")
     kept = partial(recording.save, out) if recording and out else lambda: None
@@ -114,7 +112,7 @@ def run(
             taken.append(clock.perf_counter() - start)
             for name in totals:
                 totals[name] += getattr(report, name)
-            _note_errors(report, worst, worst_mesh)
+            errors.add(report)
             least.look()
             if report.unstable:
                 unstable.append(simulation.state.time)
@@ -132,11 +130,11 @@ def run(
         kept()
         stop.no_more(kept)
     books.add(simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time)
-    rest = not description.inertia
+    rest, accuracy = not description.inertia, accuracy_figures(scene, description)
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
-    simulation.note(*_unstable(unstable, steps), *_astray(worst["worst"], simulation))
+    simulation.note(*_unstable(unstable, steps), *_astray(errors.largest, simulation))
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -160,15 +158,15 @@ def run(
         "grew_at": simulation.report.grew_at,
         "instability": simulation.report.instability,
         "figures": {
-            "accuracy": accuracy_line(accuracy_figures(scene, description)),
-            "effects": [asdict(f) for f in effect_figures(scene, description)],
+            "accuracy": accuracy.line,
+            "error": {"measured": accuracy.measured, "bound": accuracy.bound},
+            "effects": named(description),
             "stability": asdict(figures),
         },
         "stalled": [asdict(stall) for stall in simulation.report.stalled],
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
-        **({"time_error": asdict(estimate) | worst} if (estimate := simulation.report.time_error) else {}),
-        **_mesh_error(simulation, worst_mesh["worst"]),
+        **_errors(simulation, errors),
         **({"markers": _markers(simulation)} if description.marker else {}),
         **({"notes": list(simulation.notes)} if simulation.notes else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
@@ -246,26 +244,22 @@ def _astray(error: float, simulation: Simulation) -> list[str]:
     ]
 
 
-def _note_errors(report: StepReport, steps: dict[str, float], mesh: dict[str, float]) -> None:
-    """Take up in the worst errors of steps and mesh what a step reports [m]."""
-    if found := report.time_error:
-        for name, value in (
-            ("_effector", found.effector),
-            ("", found.largest),
-            ("_added", found.added),
-            ("_ball", found.ball),
-        ):
-            steps[f"worst{name}"] = float(np.fmax(steps[f"worst{name}"], value))
-    if report.mesh_error:
-        mesh["worst"] = float(np.fmax(mesh["worst"], report.mesh_error.distance))
-
-
-def _mesh_error(simulation: Simulation, worst: float) -> dict[str, Any]:
-    """Return the error of the mesh at the end and the largest of the run, which was `worst` [m] before."""
-    if not (found := simulation.mesh_error()):
-        return {}
-    worst = float(np.fmax(worst, found.distance))
-    return {"mesh_error": {"effector": list(found.effector), "distance": found.distance, "worst": worst}}
+def _errors(simulation: Simulation, errors: LargestErrors) -> dict[str, Any]:
+    """Return the largest errors of the time steps and of the mesh, of those that the scene asks for."""
+    found = dict[str, Any]()
+    if simulation.report.time_error:
+        found["time_error"] = {
+            name: getattr(errors, name) for name in ("effector", "largest", "node", "added", "ball")
+        }
+    if mesh := simulation.mesh_error():
+        errors.add_mesh(simulation.report, mesh)
+        found["mesh_error"] = {
+            "effector": list(mesh.effector),
+            "distance": mesh.distance,
+            "largest": errors.mesh,
+            "largest_with_steps": errors.both,
+        }
+    return found
 
 
 def _markers(simulation: Simulation) -> list[dict[str, Any]]:

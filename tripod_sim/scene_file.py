@@ -66,8 +66,10 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     return _scene(text, folder, f"scene {str(source)!r}", overrides)
 
 
-def scene_from_toml(text: str) -> Scene:
-    """Return the scene that a TOML text describes; files that it names are found by their whole paths.
+def scene_from_toml(text: str, overrides: Iterable[str] = ()) -> Scene:
+    """Return the scene that a TOML text describes, with overrides as for `load_scene`.
+
+    Files that it names are found by their whole paths.
 
     Raises SceneError as `load_scene` does.
     """
@@ -75,7 +77,7 @@ def scene_from_toml(text: str) -> Scene:
         raise SceneError(f"the scene is {shown(text)}; it must be text in TOML")
     if len(text) > MAX_BYTES:
         raise SceneError(f"a scene of {len(text)} characters; allowed are {MAX_BYTES}")
-    return _scene(text, None, "the scene", ())
+    return _scene(text, None, "the scene", overrides)
 
 
 def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str]) -> Scene:

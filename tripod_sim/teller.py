@@ -44,6 +44,7 @@ class Teller:
         """Begin to tell of `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
         self._source, self._scene, self._changes = source, simulation.scene, list(changes)
         self._picture = picture(simulation)
+        self._effects = [asdict(f) for f in effect_figures(simulation.scene)]
         self._speed: float | None = None
         self._measuring: threading.Thread | None = None
         self._told: float | None = None
@@ -92,10 +93,9 @@ class Teller:
                 self.firmness = [soft.firmness, snapshot.time]
 
     def publish_scene(self) -> None:
-        """Tell what there is to draw, and what accuracy and effects cost."""
+        """Publish what there is to draw, what accuracies cost, and which effects there are."""
         accuracy = as_table(accuracy_figures(self._source, self._scene, self._speed))
-        effects = [asdict(f) for f in effect_figures(self._source, self._scene, self._speed)]
-        table = {**self._picture, "changes": self._changes, "accuracy": accuracy, "effects": effects}
+        table = {**self._picture, "changes": self._changes, "accuracy": accuracy, "effects": self._effects}
         self._scenes.publish(String(data=as_json(table)))
 
     def _measure(self) -> None:

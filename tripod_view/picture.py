@@ -68,7 +68,8 @@ class Picture:
         ball: Whether there is one.
         note: What is not drawn; empty where all is.
         changes: Overrides with which it was started anew.
-        accuracy, effects: What they cost, as the simulator tells.
+        accuracy: What accuracies cost, as the simulator tells.
+        effects: Those of the scene, and those that it could have, as the simulator tells.
     """
 
     name: str = ""

@@ -39,8 +39,8 @@ def test_the_setting_comes_before_what_the_user_sets(study: Path) -> None:
     assert not isinstance(values["sim"]["set"], RawYaml), "it is text, whatever YAML would make of it"
     assert values["sim"]["study"] == str(study), "it tells the simulator what is cheaper"
     assert_names(sentence, "study", "dt=0.004", "solver.mode=newton")
-    assert not names(settle("tripod", {}, "5%", study), "outside"), "which the study has measured"
-    assert_names(sentence, "outside")
+    assert not names(settle("tripod", {}, "5%", study), "not seen"), "which the study has measured"
+    assert_names(sentence, "not seen")
     assert values["view"] == {"port": "1"}
 
 

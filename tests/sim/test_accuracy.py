@@ -1,6 +1,7 @@
 """The setting for an accuracy: what is picked from made-up studies, what is refused, what the command says."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,18 @@ from tests.messages import assert_names, line_naming, lines_naming, names, raise
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, load_scene
-from tripod_sim.accuracy.choice import LOAD, MARGIN, asked, choose, expected, holds, pick, promised, switched
+from tripod_sim.accuracy.choice import (
+    LOAD,
+    MARGIN,
+    asked,
+    choose,
+    expected,
+    holds,
+    percent,
+    pick,
+    promised,
+    switched,
+)
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import read_study, stored_studies
 from tripod_sim.scene_file import scene_text
@@ -79,12 +91,17 @@ def test_the_cheapest_setting_within_the_accuracy_is_picked(accuracy: str, dt: f
     point = next(p for p in POINTS if p[0] == dt)
     assert choice.settings == {"dt": dt, "inertia.scheme": "bdf2"}
     assert choice.error == pytest.approx(PROMISED * point[1])
+    assert choice.measured == pytest.approx(point[1])
     assert choice.seconds == pytest.approx(point[2])
     scene = load_scene("pendulum", choice.overrides)
     assert (scene.dt, scene.inertia.scheme) == (dt, "bdf2")
     assert choice.outside == ()
-    error = f"{float(f'{100 * choice.error:.2g}'):g} %"
-    assert_names(choice.sentence, f"accuracy {accuracy}", "inertia.scheme=bdf2", "study pendulum", error)
+    assert_names(choice.sentence, f"accuracy {accuracy}", "inertia.scheme=bdf2", "study pendulum")
+    first, second = (percent(error) for error in (choice.measured, choice.error))
+    assert_names(choice.sentence, first, second)
+    assert choice.sentence.index(f"about {first}") < choice.sentence.index(f"below {second}")
+    assert_names(choice.told, first, "study pendulum")
+    assert not names(choice.told, second)
     assert names(choice.sentence, f"dt={dt!r}") == (dt != load_scene("pendulum").dt)
     assert "\n" not in choice.sentence
 
@@ -206,7 +223,7 @@ def test_all_that_a_study_promises_is_within_the_accuracy(tmp_path: Path) -> Non
     assert expected(read_study(path), point) == pytest.approx((end, middle))
     assert choice.error == pytest.approx(max(end, middle))
     assert choice.quantity.split("; ") == [quantity["what"] for quantity in made["quantities"]]
-    first, _, second = choice.sentence.partition("0.7 %")
+    first, _, second = choice.sentence.rpartition("0.7 %")
     assert_names(first, "2 %", "the free end")
     assert_names(second, "the middle")
 
@@ -279,7 +296,10 @@ def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     assert scene.gravity.acceleration == (0, 0, -3)
     assert scene.inertia.scheme == "bdf2"
     assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
-    assert_names(choice.sentence, "outside the study", "dt=0.004", "gravity.acceleration=[0, 0, -3]")
+    assert_names(choice.sentence, "study pendulum", "not seen", "dt=0.004", "gravity.acceleration=[0, 0, -3]")
+    assert choice.measured is choice.error is None
+    for line in (choice.sentence, choice.told):
+        assert not re.search(r"\d %", line), "an error that nobody knows is told"
     free = ["dt=0.002", "duration=9.0", "time_error={}"]
     assert choose("pendulum", "3%", free, study=study, speed=same_speed).outside == ()
     chosen = choose("pendulum", "3%", ["dt=auto"], study=study, speed=same_speed)

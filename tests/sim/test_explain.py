@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.messages import assert_names, line_naming, raises_naming
+from tests.messages import assert_names, line_naming, names, raises_naming
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
+from tripod_bringup.explain_command import show
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects import EFFECTS
 from tripod_sim.explain import sampling
-from tripod_sim.explain.costs import cost, from_itself, switched_on
-from tripod_sim.explain.memory import memory, size
+from tripod_sim.explain.costs import Cost, cost, from_itself, switched_on
+from tripod_sim.explain.memory import Size, memory, size
 from tripod_sim.explain.objects import owned, walk
-from tripod_sim.explain.report import _in_place, explain
-from tripod_sim.explain.sampling import Sampler, estimate, swing
+from tripod_sim.explain.report import Explanation, Stage, _in_place, explain
+from tripod_sim.explain.sampling import Sampler, StepTimes, estimate, swing
 from tripod_sim.explain.stages import OTHER, STAGES, time_stages
 from tripod_sim.explain.stopwatch import Stopwatch
 from tripod_sim.scene_file import scene_names
@@ -302,6 +303,25 @@ def test_what_is_less_than_the_scene_differs_from_itself_is_noise(monkeypatch: p
     assert measured and all(abs(c.seconds or 0.0) < c.noise > 100.0 for c in measured)
     ((twin, simulation),) = twins
     assert twin is not simulation and twin.scene == simulation.scene
+
+
+def test_a_difference_within_its_noise_is_told_as_below_that_and_a_larger_one_as_itself(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    found = explain_scene()
+    costs = (Cost("maze", "", ("maze={}",), -3e-6, 5e-6), Cost("sleep", "", ("sleep={}",), 4e-5, 5e-6))
+    assert [cost.measured for cost in costs] == [False, True]
+    show(replace(found, absent=costs))
+    out = capsys.readouterr().out
+    assert_names(line_naming(out, "maze={}"), "below 5.0")
+    assert not names(line_naming(out, "maze={}"), "3.0")
+    assert_names(line_naming(out, "sleep={}"), "40.0")
+
+
+def explain_scene() -> Explanation:
+    times, scene = StepTimes(1e-3, 1e-5), load_scene("silicone")
+    size = Size(unknowns=3, nodes=3, elements=1, nonzeros=0, factor_entries=0)
+    return Explanation(scene, 1.0, 0.0, 4, times, (Stage("other", 1e-3),), 1e-3, None, {}, size, (), (), ())
 
 
 @pytest.mark.usefixtures("short")

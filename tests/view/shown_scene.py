@@ -21,7 +21,7 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
     """Return picture, figures, nodes and triangles of a scene at its start."""
     simulation = Simulation(load_scene(scene))
     accuracy = as_table(accuracy_figures(scene, simulation.scene, 0.04))
-    effects = [asdict(f) for f in effect_figures(scene, simulation.scene, 0.04)]
+    effects = [asdict(f) for f in effect_figures(simulation.scene)]
     table = {**picture(simulation), "changes": [], "accuracy": accuracy, "effects": effects}
     books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     figures = asdict(stability(simulation.report, 0, books.balance, simulation.scene.dt))

@@ -29,6 +29,7 @@ from tests.view.stage import DEADLINE, Stage
 from tripod_graph import names
 from tripod_graph.diagnostics import Level, status_message
 from tripod_graph.qos import RELIABLE
+from tripod_sim.accuracy.choice import percent
 from tripod_sim.scene_file import scene_names
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -150,6 +151,9 @@ class Opened:
                     simulated: shown("#simulated"), on: count("#on .chip"), off: count("#off .chip"),
                     barred: count("#barred p"),
                     offers: count("#offers tr"), enabled: count("#offers button:enabled"),
+                    here: document.querySelector("#here").textContent,
+                    bound: document.querySelector("#here").title,
+                    costs: count(".chip span"),
                 };
             }"""
         )
@@ -207,7 +211,16 @@ def check(seen: dict[str, Any], shown: dict[str, Any], size: str) -> None:
     on, off = ([e for e in shown["effects"] if e["on"] == here] for here in (True, False))
     barred = sum(bool(effect["why_not"]) for effect in off)
     assert (seen["on"], seen["off"], seen["barred"]) == (len(on), len(off) - barred, barred)
-    assert seen["offers"] == (6 if shown["accuracy"]["study"] else 0)
+    assert seen["costs"] == 0, "what an effect costs is measured by tripod explain"
+    accuracy = shown["accuracy"]
+    assert seen["offers"] == (6 if accuracy["study"] else 0)
+    if accuracy["measured"] is None:
+        messages.assert_names(seen["here"], "error not known")
+        assert seen["bound"] == ""
+    else:
+        messages.assert_names(seen["here"], percent(accuracy["measured"]), "measured")
+        assert not messages.names(seen["here"], percent(accuracy["bound"]))
+        messages.assert_names(seen["bound"], percent(accuracy["bound"]))
 
 
 def press_everything(opened: Opened, stage: Stage, shown: dict[str, Any], asked: list[str]) -> None:

@@ -69,29 +69,26 @@ class Choice:
         study: Name of the study that it is from; empty where none was asked.
         overrides: Of the scene: those of the setting, then the user's own.
         settings: Of the point that was picked.
-        error: To expect, relative (see `promised`).
-        quantity: What the error is of; where a study promises several, the error is the largest of all.
+        measured: Relative error that the study measured; None where something is `outside` the study.
+        error: Relative error that is promised for other cases (see `promised`); None likewise.
+        quantity: What the errors are of; where a study promises several, the largest of all counts.
         seconds: Time of this machine for a simulated second, or for a solve [s]; None where it could not be told.
-        outside: What the study knows nothing of, such as overrides of the user: with it the error is not promised.
+        outside: What the study has not seen, such as overrides of the user: then it says nothing of the error.
         sentence: All that for people, on one line.
+        told: What is known of the error, for people.
     """
 
     accuracy: str
     study: str
     overrides: tuple[str, ...]
     settings: Mapping[str, Value]
-    error: float
+    measured: float | None
+    error: float | None
     quantity: str
     seconds: float | None
     outside: tuple[str, ...]
     sentence: str
-
-    @property
-    def told(self) -> str:
-        """What error to expect, for people."""
-        if self.outside:
-            return f"not known: study {self.study} has not seen {'; '.join(self.outside)}"
-        return f"expect an error below {percent(self.error)} (study {self.study}) of: {self.quantity}"
+    told: str
 
 
 def asked(accuracy: str) -> float | str | Budget:
@@ -192,9 +189,11 @@ def chosen_from(
     changed = changes(load_scene(scene), point.settings)
     seconds = point.cpu * scale if scale else None
     strange = (*outside(scene, found, picked, overrides), *beside)
+    here, bound = (None, None) if strange else (measured(found, point), promised(found, point))
     return Choice(
-        accuracy, found.name, words, dict(point.settings), promised(found, point), quantities(found), seconds, strange,
-        _sentence(accuracy, found, changed, expected(found, point), seconds, strange),
+        accuracy, found.name, words, dict(point.settings), here, bound, quantities(found), seconds, strange,
+        _sentence(accuracy, found, point, changed, seconds, strange),
+        not_known(found, strange) if strange else measured_words(found, point),
     )  # fmt: skip
 
 
@@ -293,6 +292,31 @@ def expected(study: StoredStudy, point: StoredPoint) -> tuple[float, ...]:
 def promised(study: StoredStudy, point: StoredPoint) -> float:
     """Return the relative error that no quantity which a study promises is expected to exceed at a point."""
     return max(expected(study, point))
+
+
+def measured(study: StoredStudy, point: StoredPoint) -> float:
+    """Return the largest relative error that a study measured at a point, what its reference may err included."""
+    return max(_measured(point))
+
+
+def _measured(point: StoredPoint) -> tuple[float, ...]:
+    return (point.bound, *(bound for _, bound in point.others))
+
+
+def measured_words(study: StoredStudy, point: StoredPoint) -> str:
+    """Return the error that a study measured at a point, for people."""
+    error, others = percent(measured(study, point)), _other_cases(study)
+    source = f"measured in the accuracy study {study.name}; not bounded for {others}"
+    return f"error about {error} ({source}) of: {quantities(study)}"
+
+
+def not_known(study: StoredStudy, strange: Sequence[str]) -> str:
+    """Return that a study does not tell the error of a scene, since it has not seen what is `strange` in it."""
+    return f"not known: study {study.name} has not seen {'; '.join(strange)}"
+
+
+def _other_cases(study: StoredStudy) -> str:
+    return "other poses" if study.solves else "other motions"
 
 
 def quantities(study: StoredStudy) -> str:
@@ -428,12 +452,12 @@ def changes(made: Scene, settings: Mapping[str, Value]) -> str:
 def _sentence(
     accuracy: str,
     study: StoredStudy,
+    point: StoredPoint,
     changed: str,
-    errors: Sequence[float],
     seconds: float | None,
     strange: Sequence[str],
 ) -> str:
-    """Return the choice for people, on one line."""
+    """Return the choice for people, on one line: what is set, what error that has, what time it takes."""
     unit = "solve" if study.solves else "simulated second"
     time = (
         f"{seconds:.2g} s of this machine for each {unit}"
@@ -442,9 +466,14 @@ def _sentence(
     )
     wish = accuracy.strip() if accuracy.startswith("budget") else f"accuracy {accuracy.strip()}"
     made = f"{'quick ' if study.quick else ''}study {study.name}"
-    named = zip(errors, (study.quantity, *study.others), strict=True)
-    expect = ", and ".join(f"below {percent(error)} of: {quantity}" for error, quantity in named)
-    text = f"{wish}: {changed} ({made}); expect an error {expect}; {time}"
-    return (
-        f"{text}; outside the study, which promises nothing then: {'; '.join(strange)}" if strange else text
+    error = f"error {not_known(study, strange)}" if strange else _error_words(study, point)
+    return f"{wish}: {changed} ({made}); {error}; {time}"
+
+
+def _error_words(study: StoredStudy, point: StoredPoint) -> str:
+    """Return for each quantity the error that a study measured at a point, then what it promises for other cases."""
+    rows = zip(_measured(point), expected(study, point), (study.quantity, *study.others), strict=True)
+    return ", and ".join(
+        f"error about {percent(here)} (measured), expected below {percent(bound)} in {_other_cases(study)}, of: {what}"
+        for here, bound, what in rows
     )

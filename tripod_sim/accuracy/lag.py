@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tripod_host.priority import stand_back
-from tripod_sim.accuracy.choice import changes, percent, point_of, promised, study_of, switched
+from tripod_sim.accuracy.choice import changes, measured, percent, point_of, study_of, switched
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.errors import SceneError
 from tripod_sim.realtime import Speed
@@ -54,11 +54,11 @@ def proposal(
     if here and there and here.cpu <= there.cpu:
         return f"study {found.name} has no cheaper setting for real time: choose a lower accuracy"
     replaced = "; ".join(word for word in words if word not in choice.overrides)
-    instead = f" instead of {percent(promised(found, here))}" if here else ""
-    expect = "error not known" if choice.outside else f"error below {percent(choice.error)}{instead}"
+    instead = f" instead of {percent(measured(found, here))}" if here else ""
+    told = "not known" if choice.measured is None else f"about {percent(choice.measured)}{instead} (measured)"
     return (
         f"`--accuracy real-time` at the start, or real-time on the page, takes {changes(made, choice.settings)}"
-        f"{f' in place of {replaced}' if replaced else ''}: {expect}"
+        f"{f' in place of {replaced}' if replaced else ''}: error {told}"
     )
 
 

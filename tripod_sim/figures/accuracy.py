@@ -6,7 +6,9 @@ from typing import Any
 from tripod_sim.accuracy.choice import (
     LOAD,
     asked,
-    percent,
+    measured,
+    measured_words,
+    not_known,
     pick,
     point_of,
     promised,
@@ -34,7 +36,9 @@ class Offer:
     Attributes:
         wish: As `--accuracy` takes it.
         settings: Of the point that serves it; empty where none does.
-        error: To expect, relative; None where there is none, or of a scene that the study has not seen.
+        measured: Relative error that the study measured; None where there is none, or of a scene that the study has not
+            seen.
+        bound: Relative error that is promised for other motions or poses; None likewise.
         seconds: Of this machine for a simulated second, or a solve [s]; None where this machine's speed is not known.
         step: Of this machine for a step [s]; None likewise, and of solves.
         why_not: Why there is none, in one sentence; empty where there is.
@@ -42,7 +46,8 @@ class Offer:
 
     wish: str
     settings: str = ""
-    error: float | None = None
+    measured: float | None = None
+    bound: float | None = None
     seconds: float | None = None
     step: float | None = None
     why_not: str = ""
@@ -56,13 +61,13 @@ class AccuracyFigures:
         study: Its name; empty where there is none.
         quantity: What errors are of.
         solves: Whether costs are of static solves, not of simulated seconds.
-        here: Error to expect of the scene as it is, in any motion; None where its settings are not in the study, or
-            anything else is not as the study had it.
-        own: That in the study's own motion, what its reference may err included; None likewise.
+        measured: Relative error of the scene as it is, measured by the study in its own motion, what its reference may
+            err included; None where its settings are not in the study, or anything else is not as the study had it.
+        bound: Relative error that is promised for other motions; None likewise.
+        line: What is known of the error, for people.
         here_seconds: Of this machine, as the study has it [s]; None where that or the machine's speed is not known.
-        why_not: Why `here` is not known, in one sentence; empty where it is.
         offers: See `WISHES`.
-        dots: Cost [s] and error to expect of each point that worked.
+        dots: Cost [s] and measured error of each point that worked.
         front: Those that no other point beats in both.
         scaled: Whether costs are of this machine; else they are of the study's.
     """
@@ -70,10 +75,10 @@ class AccuracyFigures:
     study: str = ""
     quantity: str = ""
     solves: bool = False
-    here: float | None = None
-    own: float | None = None
+    measured: float | None = None
+    bound: float | None = None
+    line: str = ""
     here_seconds: float | None = None
-    why_not: str = ""
     offers: tuple[Offer, ...] = ()
     dots: tuple[tuple[float, float], ...] = ()
     front: tuple[tuple[float, float], ...] = ()
@@ -91,23 +96,26 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
     try:
         study = shipped(scene, source)
     except SceneError as error:
-        return AccuracyFigures(why_not=str(error))
+        return AccuracyFigures(line=f"not known: {error}")
     scale = speed / study.calibration if speed and study.calibration else None
     factor = scale or 1.0
     strange = unseen(source, study, scene)
     point = None if strange else point_of(study, scene)
-    why_not = f"study {study.name} has not seen {', '.join(strange)} as here" if strange else ""
-    if not strange and not point:
-        why_not = f"study {study.name} has no point with these settings"
-    dots = sorted((p.cpu * factor, promised(study, p)) for p in study.points)
+    if strange:
+        line = not_known(study, strange)
+    elif point:
+        line = measured_words(study, point)
+    else:
+        line = f"not known: study {study.name} has no point with these settings"
+    dots = sorted((p.cpu * factor, measured(study, p)) for p in study.points)
     return AccuracyFigures(
         study=study.name,
         quantity=quantities(study),
         solves=study.solves,
-        here=promised(study, point) if point else None,
-        own=max((point.bound, *(bound for _, bound in point.others))) if point else None,
+        measured=measured(study, point) if point else None,
+        bound=promised(study, point) if point else None,
+        line=line,
         here_seconds=point.cpu * scale if point and scale else None,
-        why_not=why_not,
         offers=tuple(_offer(wish, study, scene, scale, seen=not strange) for wish in WISHES),
         dots=tuple(dots[:MOST_DOTS]),
         front=tuple(dots[i] for i in front([error for _, error in dots], [seconds for seconds, _ in dots])),
@@ -123,15 +131,8 @@ def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None, *, 
     seconds = point.cpu * scale if scale else None
     dt = point.settings.get("dt", scene.dt)
     step = seconds * dt if seconds and isinstance(dt, float) and not study.solves else None
-    return Offer(wish, settings_text(point), promised(study, point) if seen else None, seconds, step)
-
-
-def accuracy_line(figures: AccuracyFigures) -> str:
-    """Return what is known of the scene as it is, for people."""
-    if figures.here is None or figures.own is None:
-        return f"not known: {figures.why_not}"
-    own = f"{percent(figures.own)} in the motion of study {figures.study}"
-    return f"expect an error below {percent(figures.here)} ({own}) of: {figures.quantity}"
+    here, bound = (measured(study, point), promised(study, point)) if seen else (None, None)
+    return Offer(wish, settings_text(point), here, bound, seconds, step)
 
 
 def as_table(figures: AccuracyFigures) -> dict[str, Any]:

@@ -2,8 +2,52 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.report import MeshErrorReport, StepReport
+
+
+@dataclass
+class LargestErrors:
+    """The largest estimated errors of a run [m], NaN for what is not estimated.
+
+    Where a motion ends at rest, the error at the end says nothing of the motion.
+
+    Attributes:
+        effector, largest, added, ball: Of the time steps, as in `TimeErrorReport`.
+        node: Where `largest` is; -1 without it.
+        mesh: Of the mesh at the effector.
+        both: Of mesh and time steps `together` at the effector.
+    """
+
+    effector: float = math.nan
+    largest: float = math.nan
+    node: int = -1
+    added: float = math.nan
+    ball: float = math.nan
+    mesh: float = math.nan
+    both: float = math.nan
+
+    def add(self, report: StepReport) -> None:
+        """Take in what a step reports."""
+        if found := report.time_error:
+            if _larger(self.largest, found.largest) != self.largest:
+                self.node = found.node
+            for name in ("effector", "largest", "added", "ball"):
+                setattr(self, name, _larger(getattr(self, name), getattr(found, name)))
+        if report.mesh_error:
+            self.add_mesh(report, report.mesh_error)
+
+    def add_mesh(self, report: StepReport, found: MeshErrorReport) -> None:
+        """Take in the error of the mesh after the step of `report`."""
+        vector = report.time_error.vector if report.time_error else None
+        both = together(found.effector, _step_error(report), vector)
+        self.mesh, self.both = _larger(self.mesh, found.distance), _larger(self.both, both)
+
+
+def _larger(a: float, b: float) -> float:
+    """Return the larger of two numbers; of a number and NaN the number."""
+    return b if b > a or math.isnan(a) else a
 
 
 def together(mesh: Sequence[float], step: float, vector: Sequence[float] | None) -> float:

@@ -1,7 +1,7 @@
 // The three promises: what accuracy costs, what effects cost, how stable the run is.
 
 import { listen, send, value } from "./channel.js";
-import { button, element, micro, milli, percent, place, section, setText } from "./dom.js";
+import { button, element, milli, percent, place, section, setText } from "./dom.js";
 import { front } from "./front.js";
 
 export function cards() {
@@ -20,10 +20,12 @@ function accuracy() {
     if (!figures) return;
     const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
     const cost = seconds ? `, ${milli(run.step)} a step, ${Number((1 / seconds).toPrecision(2))} x real time` : "";
-    const known = figures.here !== null && figures.here !== undefined;
-    setText(here, known ? `You are here: error below ${percent(figures.here)} (${percent(figures.own)} in the study's motion)${cost}` : `You are here: error not known${cost}${figures.why_not ? `; ${figures.why_not}` : ""}`);
+    const known = figures.measured !== null && figures.measured !== undefined;
+    const error = known ? `about ${percent(figures.measured)} (measured in the accuracy study)` : figures.line;
+    setText(here, `You are here: error ${error}${cost}`);
+    here.title = bound(figures);
     picture.replaceChildren(...(figures.front?.length ? [front(figures, known ? seconds ?? figures.here_seconds : null)] : []));
-    setText(about, figures.study ? `Errors of: ${figures.quantity}. Study ${figures.study}; ${figures.scaled ? "times of this machine" : "times of the study's machine"}.` : "");
+    setText(about, figures.study ? `Errors as the accuracy study ${figures.study} measured them, of: ${figures.quantity}. Times of ${figures.scaled ? "this" : "the study's"} machine.` : "");
   };
   listen("accuracy", (figures) => {
     show();
@@ -44,15 +46,20 @@ function accuracy() {
 }
 
 function head() {
-  return row(["", "error below", "a step", "x real time"], "th");
+  return row(["", "error about", "a step", "x real time"], "th");
+}
+
+// What is promised for other motions, shown on request.
+function bound(figures) {
+  return figures.bound === null || figures.bound === undefined ? "" : `expected below ${percent(figures.bound)} in other motions`;
 }
 
 function offered(offer, figures) {
-  const choose = button(offer.wish.replace("%", " %"), () => send({ accuracy: offer.wish }), offer.why_not || `Start anew with ${offer.settings}`);
+  const choose = button(offer.wish.replace("%", " %"), () => send({ accuracy: offer.wish }), offer.why_not || `Start again with ${offer.settings}${offer.bound === null ? "" : `; error ${bound(offer)}`}`);
   choose.disabled = Boolean(offer.why_not);
   if (offer.why_not) return row([choose, "none", "", ""]);
   const times = offer.seconds && !figures.solves ? Number((1 / offer.seconds).toPrecision(2)) : "not known";
-  const error = offer.error === null ? "not known" : percent(offer.error);
+  const error = offer.measured === null ? "not known" : percent(offer.measured);
   return row([choose, error, offer.step ? milli(offer.step) : "not known", String(times)]);
 }
 
@@ -84,8 +91,8 @@ function effects() {
     shipped.hidden = !scene.changes.length;
     setText(changes, scene.changes.length ? `Changed: ${scene.changes.join("; ")}` : "");
   });
-  const about = element("p", { class: "small" }, "Time of a step for each. A click starts the scene anew with it, or without.");
-  return section("effects", "Effects", [element("h3", {}, "in this scene"), on, element("h3", {}, "absent: what they would add"), off, without, changes, shipped, about], false);
+  const about = element("p", { class: "small" }, "A click starts the scene again with it, or without. tripod explain measures what each costs.");
+  return section("effects", "Effects", [element("h3", {}, "in this scene"), on, element("h3", {}, "absent"), off, without, changes, shipped, about], false);
 }
 
 // Most reasons begin with the name of the effect.
@@ -97,13 +104,7 @@ function reason({ name, why_not: text }) {
 function chip(effect) {
   const made = button("", () => send({ effect: effect.name, on: !effect.on }), effect.meaning);
   made.className = effect.on ? "chip on" : "chip";
-  return place(made, [element("b", {}, effect.name), element("span", {}, cost(effect))]);
-}
-
-function cost(effect) {
-  if (effect.cost === null) return effect.why_not ? "" : "not measured";
-  if (!effect.on && Math.abs(effect.cost) <= effect.noise) return `under ${micro(effect.noise)}`;
-  return effect.cost < 0 ? `saves ${micro(-effect.cost)}` : `${effect.on ? "" : "+"}${micro(effect.cost)}`;
+  return place(made, [element("b", {}, effect.name)]);
 }
 
 function stability() {

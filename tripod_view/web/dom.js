@@ -57,13 +57,6 @@ export function percent(share) {
   return `${Number((100 * share).toPrecision(2))} %`;
 }
 
-// A cost of a step [s] for people.
-export function micro(seconds) {
-  const us = 1e6 * seconds;
-  if (Math.abs(us) >= 1e4) return `${Number((us / 1e3).toPrecision(3))} ms`;
-  return `${Number(us.toPrecision(3))} µs`;
-}
-
 export function svg(tag, attributes = {}, text = "") {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, content] of Object.entries(attributes)) made.setAttribute(name, content);

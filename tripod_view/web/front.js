@@ -6,7 +6,7 @@ const [WIDTH, HEIGHT, LEFT, BOTTOM] = [320, 170, 54, 26];
 
 export function front(figures, seconds) {
   const points = [...figures.dots];
-  const here = seconds && figures.here !== null ? [seconds, figures.here] : null;
+  const here = seconds && figures.measured !== null ? [seconds, figures.measured] : null;
   const all = (here ? [...points, here] : points).filter(([x, y]) => x > 0 && y > 0);
   const x = scale(all.map((p) => p[0]), LEFT, WIDTH - 8);
   const y = scale(all.map((p) => Math.max(p[1], 1e-6)), HEIGHT - BOTTOM, 10);
@@ -37,7 +37,7 @@ export function front(figures, seconds) {
   return place(element("figure"), [picture]);
 }
 
-// Logarithmic; with the powers of ten within, at most about five of them.
+// Logarithmic; with the powers of ten within, at most about five of them, or both ends where there is none.
 function scale(values, from, to) {
   const low = Math.min(...values);
   const high = Math.max(...values, low * 1.01);
@@ -46,6 +46,7 @@ function scale(values, from, to) {
   const every = Math.max(1, Math.ceil((b - a) / 5));
   map.marks = [];
   for (let k = Math.ceil(a); k <= b; k++) if (k % every === 0) map.marks.push(10 ** k);
+  if (!map.marks.length) map.marks.push(low, high);
   [map.low, map.high] = [low, high];
   return map;
 }
