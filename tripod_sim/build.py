@@ -22,19 +22,21 @@ from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.held import free_motion, held_groups
 from tripod_sim.effect import Draft, Effect
 from tripod_sim.effects import EFFECTS, has, table_of
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import Doubt, SceneError
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
+from tripod_sim.proportions import out_of_proportion
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import FIRST, rigids_of, soft_bodies, springs_alone
 from tripod_sim.solved_to import solved_to
 from tripod_sim.steppers import stepper_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
+from tripod_sim.tables.fields import unusual
 
 if TYPE_CHECKING:
     from tripod_sim.springs.spring_system import SpringSystem
@@ -157,7 +159,10 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
         plate=draft.plate,
         ball=draft.ball,
     )
-    return _watched(scene, draft.sets, system, parts)
+    parts = _watched(scene, draft.sets, system, parts)
+    if unusual(scene) or any(isinstance(note, Doubt) for note in parts.notes):
+        return parts  # of what follows from an input that is wrong by itself nothing is to say
+    return replace(parts, notes=(*parts.notes, *out_of_proportion(draft, parts.velocities)))
 
 
 def _stepped(draft: Draft, system: System) -> Parts:

@@ -2,8 +2,8 @@
 
 import math
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,7 +18,7 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.effects.inertia import EXPLICIT
-from tripod_sim.errors import SceneError, StepError, shown
+from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
@@ -175,7 +175,8 @@ class Simulation:
         self._softest = self._softest_move()
         if scene.platform and not self._softest:
             self.note(UNSTABLE_START)
-        self._find_start(parts, joints, say or (lambda text: None))
+        with self._explained():
+            self._find_start(parts, joints, say or (lambda text: None))
         if self._servos:
             self._measure_reactions(self._servos, undeformed)
             self._measure_reactions(self._servos, self.state.copy())
@@ -192,6 +193,16 @@ class Simulation:
         self._start, self._start_held_by = self.state.copy(), self._held_by.copy()
         self._start_torques = self.torques.copy()
         self._prepare()
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Let errors name what in the scene is out of proportion, if anything is, in place of the solver's limits."""
+        try:
+            yield
+        except StepError as error:
+            if doubts := "; ".join(note for note in self.notes if isinstance(note, Doubt)):
+                error.remedy = f"the likely cause: {doubts}"
+            raise
 
     def __repr__(self) -> str:
         """Return it in a few words, as a notebook shows it."""
@@ -346,13 +357,17 @@ class Simulation:
         goal = self.command if joints is None else self._checked(joints)
         begin = time.thread_time() if self._mesh_error else 0.0
         self.renew()
-        if self._servos and self.state.servos:
-            self._step_servos(self._servos, self.state.servos, goal)
-        else:
-            until = self.state.time + self.scene.dt
-            self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
-            self._keep_forces(self._system)
-            self.torques = self._system.torques.copy()
+        try:
+            if self._servos and self.state.servos:
+                self._step_servos(self._servos, self.state.servos, goal)
+            else:
+                until = self.state.time + self.scene.dt
+                self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
+                self._keep_forces(self._system)
+                self.torques = self._system.torques.copy()
+        except StepError:
+            with self._explained():
+                raise
         if self._ball and self.state.ball and not self._parts.chosen:
             self._ball.follow(self.state, self.state.ball, self.scene.dt)
             self._load_ball()

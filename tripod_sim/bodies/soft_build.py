@@ -50,7 +50,7 @@ def assembled(scene: Scene, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly
         body, said = _body(
             SoftBody(table, field_of(scene, k), np.zeros(0, dtype=np.int64), k), read, weighs=weighs
         )
-        notes += said if len(tables) == 1 else [f"body {table.name!r}: {note}" for note in said]
+        notes += said if len(tables) == 1 else [type(note)(f"body {table.name!r}: {note}") for note in said]
         count = len(body.mesh.nodes)
         bodies.append(replace(body, nodes=first + np.arange(count)))
         first += count

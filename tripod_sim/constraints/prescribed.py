@@ -41,16 +41,18 @@ class Prescribed:
     """All sets in motion.
 
     Attributes:
+        motions: Of each of them.
         nodes: Of all of them, shape (k,).
         end: Time after which nothing moves any more [s].
     """
 
     def __init__(self, motions: Sequence[Motion]) -> None:
-        self._motions = [(m, np.ix_(m.nodes, np.array(m.axes))) for m in motions]
+        self.motions = tuple(motions)
+        self._places = [(m, np.ix_(m.nodes, np.array(m.axes))) for m in motions]
         self.nodes = np.unique(np.concatenate([m.nodes for m in motions]))
         self.end = max(float(t.times[-1]) for m in motions for t in (m.move, m.turn))
 
     def place(self, time: float, x: FloatArray) -> None:
         """Write to `x` [m], shape (n, 3), where the sets are at `time` [s], along their axes."""
-        for motion, where in self._motions:
+        for motion, where in self._places:
             x[where] = motion.places(time)[:, motion.axes]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.errors import UnsolvedError
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -33,7 +34,7 @@ ROUNDING = 1e-13
 """A step that moves nodes by less than this share of the body's size is one of rounding."""
 
 
-class NewtonError(RuntimeError):
+class NewtonError(UnsolvedError):
     """No solution was found; the message says why and where."""
 
 
@@ -217,8 +218,9 @@ class Newton:
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
-                    f"largest at {self._largest()}; "
-                    f"{self._rounding() or f'solver.max_iterations is {self.max_iterations}'}"
+                    f"largest at {self._largest()}",
+                    self._rounding()
+                    or f"solver.max_iterations is {self.max_iterations}; a smaller dt or a slower motion may help",
                 )
             before = size
             lower = self._step(state, trial, report)  # chord: with the factorisation at hand
@@ -257,9 +259,9 @@ class Newton:
                 return trial_phi
             scale *= 0.5
             system.evaluate(state)
-        raise NewtonError(
-            f"no descent from an unbalanced force of {before:.3g} N; {self._rounding() or self._culprit(trial)}"
-        )
+        rounding = self._rounding()
+        where = "" if rounding else f"; {self._culprit(trial)}"
+        raise NewtonError(f"no descent from an unbalanced force of {before:.3g} N{where}", rounding)
 
     def _renew(self, state: State, report: NewtonReport, *, start: bool = False) -> float:
         """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""

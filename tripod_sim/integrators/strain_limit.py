@@ -145,10 +145,10 @@ class StrainLimited:
         try:
             done = self._pull_back(state, dt)
         except NewtonError as error:
-            message = f"step {state.step} at {state.time - dt:.4g} s: {error}"
+            message = f"step {state.step} at {state.time - dt:.4g} s: {error.what}"
             self._keep.copy_to(state)
             self.forget()
-            raise StepError(message) from error
+            raise StepError(message, error.remedy) from error
         report.iterations += done.iterations
         report.factorisations += done.factorisations
         return report

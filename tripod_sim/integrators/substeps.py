@@ -144,5 +144,5 @@ class Substeps(ABC):
         self.forget()
         parts = f", even in parts of {part:.2g} of it" if part < 1 else ""
         raise StepError(
-            f"step {state.step + 1} at {state.time:.4g} s cannot be saved{parts}: {error}"
+            f"step {state.step + 1} at {state.time:.4g} s cannot be saved{parts}: {error.what}", error.remedy
         ) from error

@@ -9,6 +9,7 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import H8, H8_MODES
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.elements.tetrahedron import T4
+from tripod_sim.errors import Doubt
 from tripod_sim.mesh.bending import deflection_share, tetrahedra_share
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -23,17 +24,16 @@ WIDE = 2.0
 """Width of a body from which on it is asked whether it is described in other units [m]."""
 
 
-def width_note(source: str, nodes: FloatArray) -> tuple[str, ...]:
+def width_note(source: str, nodes: FloatArray) -> tuple[Doubt, ...]:
     """Return what users should know of the width of what `source` describes; `nodes` [m], shape (n, 3)."""
     width = float(np.ptp(nodes, axis=0).max())
     if width < WIDE:
         return ()
-    return (
-        f"mesh.source {source!r} is {width:.4g} m wide; if it is described in millimetres, set mesh.scale = 0.001",
-    )
+    text = f"mesh.source {source!r} is {width:.4g} m wide; if it is described in millimetres, set mesh.scale = 0.001"
+    return (Doubt(text),)
 
 
-def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[str, ...]:
+def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[Doubt, ...]:
     """Return what users should know of the density that follows from `material.mass`; `field`: before `material`."""
     if material.density is not None:
         return ()
@@ -42,7 +42,8 @@ def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[str
     if not said:
         return ()
     grams = "" if out_of_usual(1e-3 * material.mass / volume, "kg/m³", DENSITY) else "; or grams?"
-    return (f"the density of {field}material.mass, {material.mass:g} kg in {volume:.4g} m³, {said}{grams}",)
+    text = f"the density of {field}material.mass, {material.mass:g} kg in {volume:.4g} m³, {said}{grams}"
+    return (Doubt(text),)
 
 
 def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:

@@ -19,7 +19,7 @@ from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
 
 WHY = {
-    kernels.UNSOLVED: "the unbalanced force is still {residual:.3g} N after solver.max_iterations",
+    kernels.UNSOLVED: "the unbalanced force is still {residual:.3g} N after {most} iterations",
     kernels.NO_DESCENT: "no descent from an unbalanced force of {residual:.3g} N",
     kernels.SINGULAR: "the tangent is singular",
     kernels.BROKEN: "a number is not finite",
@@ -49,7 +49,7 @@ class SpringSolver:
 
     def why(self, outcome: int) -> str:
         """Return in words why `solve` failed."""
-        return WHY[outcome].format(residual=float(self.counts[3]))
+        return WHY[outcome].format(residual=float(self.counts[3]), most=self.options.max_iterations)
 
     def forget(self) -> None:
         """Drop the factorisation, and what is expected of the next stage."""

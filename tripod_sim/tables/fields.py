@@ -6,7 +6,7 @@ from dataclasses import MISSING, field, fields, is_dataclass
 from functools import partial
 from typing import Any
 
-from tripod_sim.errors import SceneError, shown
+from tripod_sim.errors import Doubt, SceneError, shown
 
 Described = Any
 """A `tripod_sim.scene.Scene`, for what that is made of: none of it may import the whole."""
@@ -69,16 +69,16 @@ def tables_in(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
                 yield from tables_in(part, f"{where}.{i}")
 
 
-def unusual(table: Any) -> list[str]:
+def unusual(table: Any) -> list[Doubt]:
     """Return which fields of a dataclass, and of those in it, are of an unusual size, one sentence each."""
-    found = []
+    found = list[Doubt]()
     for path, part in tables_in(table):
         for f in fields(part):
             value, where = getattr(part, f.name), f"{path}.{f.name}" if path else f.name
             if value is not None and (usual := f.metadata.get("usual")):
                 for v in _numbers(value):
                     if said := out_of_usual(v, f.metadata["unit"], usual):
-                        found.append(f"{where} {said}")
+                        found.append(Doubt(f"{where} {said}"))
     return found
 
 
