@@ -8,7 +8,6 @@ import socket
 import statistics
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from tripod_bringup.doctor_ports import ask_device, check_ports
 from tripod_bringup.lock import DomainError, domain_id
 from tripod_graph.log_place import check_log_place, log_place
 from tripod_graph.loopback import check_loopback
+from tripod_host.failures import ELSEWHERE, existing, first_writable, kernel_places
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place, free_space
 
@@ -163,39 +163,12 @@ def check_recordings(directory: Path, enough: int = ENOUGH_SPACE) -> Check:
 
 
 def check_kernel_cache(candidates: Sequence[Path] | None = None) -> Check:
-    """Whether compiled kernels can be kept; otherwise every start compiles them anew."""
-    places = _kernel_caches() if candidates is None else candidates
-    for place in places:
-        if _can_write(existing(place)):
-            return Check("kernel cache", Verdict.OK, str(place))
+    """Whether compiled loops can be kept; where they cannot, Numba refuses to compile any."""
+    places = kernel_places() if candidates is None else candidates
+    if place := first_writable(places):
+        return Check("kernel cache", Verdict.OK, str(place))
     shown = ", ".join(str(place) for place in places)
-    advice = "set NUMBA_CACHE_DIR to a writable directory, or every start compiles for a minute"
-    return Check("kernel cache", Verdict.WARN, f"not writable: {shown}", advice)
-
-
-def existing(path: Path) -> Path:
-    """Return `path`, or the nearest parent that exists."""
-    path = path.absolute()
-    while not path.exists() and path != path.parent:
-        path = path.parent
-    return path
-
-
-def _can_write(directory: Path) -> bool:
-    try:
-        with tempfile.TemporaryFile(dir=directory):
-            return True
-    except OSError:
-        return False
-
-
-def _kernel_caches() -> list[Path]:
-    """Return where numba looks for a cache, in its order."""
-    if given := os.environ.get("NUMBA_CACHE_DIR"):
-        return [Path(given)]
-    package = Path(__file__).resolve().parents[1] / "tripod_sim"
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return [package / "__pycache__", user / "numba"]
+    return Check("kernel cache", Verdict.FAIL, f"not writable: {shown}", ELSEWHERE)
 
 
 _PRODUCT = """

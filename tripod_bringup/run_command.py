@@ -13,6 +13,7 @@ from typing import Any
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.pictures import PictureError, Pictures, ShownRun
 from tripod_bringup.run_summary import result_rows
+from tripod_host.failures import failure_words
 from tripod_host.output import OutputError
 from tripod_host.stop import first
 
@@ -125,7 +126,7 @@ def _tell_note(note: str) -> None:
 
 
 def _complain(error: Exception, code: int) -> int:
-    print("tripod run: " + " ".join(str(error).split()), file=sys.stderr)
+    print(f"tripod run: {failure_words(error)}", file=sys.stderr)
     return code
 
 

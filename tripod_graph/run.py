@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 from tripod_graph.log_place import check_log_place
 from tripod_graph.loopback import check_loopback, keep_local
 from tripod_graph.namespace import full_namespace
+from tripod_host.failures import failure_words
 from tripod_host.open_files import OpenFilesError, check_open_files
 from tripod_host.stop import Asked, end_at_once, first, taken
 
@@ -188,7 +189,7 @@ def _run_one(
     except ExternalShutdownException:
         pass
     except Exception as error:  # noqa: BLE001 - whatever failed, the node is closed and the reason printed
-        print(f"{name}: stopped by {type(error).__name__}: {error}", file=sys.stderr)
+        print(f"{name}: stopped by {type(error).__name__}: {failure_words(error)}", file=sys.stderr)
         code = FAILED
     finally:
         _leave(executor, companion)

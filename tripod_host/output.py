@@ -3,6 +3,8 @@
 import io
 from typing import Any
 
+from tripod_host.failures import reason
+
 
 class OutputError(OSError):
     """Standard output cannot be written; it is named where another error names a file."""
@@ -20,7 +22,7 @@ class Output(io.FileIO):
         try:
             return super().write(data)
         except OSError as error:
-            raise OutputError(error.errno, error.strerror, "standard output") from None
+            raise OutputError(error.errno, reason(error), "standard output") from None
 
 
 def named_output(stream: io.TextIOWrapper) -> io.TextIOWrapper:

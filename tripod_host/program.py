@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tripod_host.failures import ELSEWHERE, failure_words
 from tripod_host.output import named_output
 from tripod_host.stop import end_at_once
 
@@ -39,8 +40,8 @@ def program(name: str) -> Iterator[None]:
 
     Raises:
         SystemExit: with code 1 and one line where standard output is closed or full, the current directory is gone, a
-            file cannot be opened, a library cannot be loaded, or memory is short; with 141 and none where the reader of
-            standard output left.
+            file cannot be opened, compiled loops cannot be kept, a library cannot be loaded, or memory is short; with
+            141 and none where the reader of standard output left.
     """
     end_at_once()
     open_streams(name)
@@ -61,10 +62,16 @@ def program(name: str) -> Iterator[None]:
         _give_up_output()
         if error.errno == errno.EPIPE:
             sys.exit(BROKEN_PIPE)
-        print(f"{name}: {_words(error)}", file=sys.stderr)
+        print(f"{name}: {failure_words(error)}", file=sys.stderr)
+        sys.exit(FAILED)
+    except RuntimeError as error:
+        words = failure_words(error)
+        if ELSEWHERE not in words:
+            raise
+        print(f"{name}: {words}", file=sys.stderr)
         sys.exit(FAILED)
     except (ImportError, MemoryError) as error:
-        print(f"{name}: {_words(error) or 'there is not enough memory'}", file=sys.stderr)
+        print(f"{name}: {failure_words(error) or 'there is not enough memory'}", file=sys.stderr)
         sys.exit(FAILED)
 
 
@@ -95,7 +102,9 @@ def check_directory(name: str) -> None:
     try:
         Path.cwd()
     except OSError as error:
-        print(f"{name}: the current directory is gone ({_words(error)}); cd to another", file=sys.stderr)
+        print(
+            f"{name}: the current directory is gone ({failure_words(error)}); cd to another", file=sys.stderr
+        )
         sys.exit(FAILED)
 
 
@@ -114,10 +123,3 @@ def _give_up_output() -> None:
         os.dup2(null, 1)
         os.close(null)
         sys.stdout.flush()
-
-
-def _words(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror}"
-    return " ".join(str(error).split())

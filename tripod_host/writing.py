@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from tripod_host import stop
+from tripod_host.failures import reason
 from tripod_host.reading import kind
 
 
@@ -87,7 +88,7 @@ def _named(path: Path, part: Path) -> Iterator[None]:
         if error.filename not in (None, str(part), part):
             raise
         gone = isinstance(error, FileNotFoundError) and not path.parent.is_dir()
-        why = f"there is no directory {path.parent}" if gone else error.strerror or str(error)
+        why = f"there is no directory {path.parent}" if gone else reason(error)
         raise OSError(error.errno, why, str(path)) from None
 
 

@@ -141,7 +141,7 @@ def test_kernel_cache_is_the_first_place_that_can_be_written(tmp_path: Path) -> 
     bad, good = file / "cache", tmp_path / "new" / "cache"
     assert doctor.check_kernel_cache([bad, good]) == Check("kernel cache", Verdict.OK, str(good))
     check = doctor.check_kernel_cache([bad])
-    assert check.verdict is Verdict.WARN and "NUMBA_CACHE_DIR" in check.advice
+    assert check.verdict is Verdict.FAIL and "NUMBA_CACHE_DIR" in check.advice
     assert list(tmp_path.iterdir()) == [file], "looking leaves nothing behind"
 
 

@@ -154,20 +154,23 @@ def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "code"),
+    ("error", "code", "named"),
     [
-        (SceneError("material.young is -1;\nit must be positive"), 2),
-        (StepError("element 7 inverted"), 1),
-        (PermissionError(13, "Permission denied", "run.npz"), 2),
+        (SceneError("material.young is -1;\nit must be positive"), 2, ("material.young is -1",)),
+        (StepError("element 7 inverted"), 1, ("element 7 inverted",)),
+        (PermissionError(13, "Permission denied", "run.npz"), 2, ("run.npz", "permission denied")),
+        (OSError(28, "No space left", "run.npz"), 2, ("run.npz", "no space left", "make room")),
     ],
 )
-def test_run_tells_what_is_wrong_in_one_line(fake_run: FakeRun, error: Exception, code: int) -> None:
+def test_run_tells_what_is_wrong_in_one_line(
+    fake_run: FakeRun, error: Exception, code: int, named: tuple[str, ...]
+) -> None:
     fake_run.error = error
     result = tripod("run", "tripod", "--json")
     assert result.exit_code == code
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1 and result.stderr.startswith("tripod run: ")
-    assert str(error).split("\n", maxsplit=1)[0] in result.stderr
+    assert_names(result.stderr, *named)
 
 
 @pytest.mark.parametrize(
