@@ -60,6 +60,26 @@ def test_the_forces_on_what_is_touched_obey_coulomb(seed: int, mu: float) -> Non
         assert (cosine[both] < -0.999).all()
 
 
+def test_what_sticks_neither_sinks_in_nor_slips() -> None:
+    """A node of compliance 1 mm/N in all directions is driven 1 mm into a floor and 0.1 mm along it.
+
+    It stays where it touches: the floor presses with 1 N and holds it with 0.1 N, less than Coulomb's 0.5 N.
+    The gap comes to rest sooner than the slip: whoever looks at the gap alone stops while the node still slips.
+    """
+    c = allocate(1)
+    c.normal[0], c.gap[0] = (0.0, 0.0, 1.0), 0.0
+    c.base[0, 0], c.lump[0, 0], c.width[0, 0] = 0, 1.0, 3
+    N = 1e-3 * np.eye(3)
+    few_kernels.stiffen(c, 1, N.copy())
+    y = np.array([1e-4, 0.0, -1e-3])
+    z = y.copy()
+    _, error = few_kernels.settle(c, 1, np.linalg.inv(N), y, z, 0.5, AIM, np.zeros(1), np.zeros((1, 3)))
+    assert error <= AIM
+    np.testing.assert_allclose(z, 0.0, atol=AIM)
+    assert c.pressure[0] == pytest.approx(1.0, rel=1e-5)
+    np.testing.assert_allclose(c.friction[0], [-0.1, 0.0, 0.0], atol=1e-6)
+
+
 BALL = (
     "contact={contact_distance=5e-4, alarm_distance=1.5e-3}",
     'rigid=[{shape="ball", radius=0.008, mass=0.0005, position=[0.001,0.0005,0.0105]}]',

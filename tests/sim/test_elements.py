@@ -7,6 +7,8 @@ from tests.checks import law_vector, random_rotation
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import Element, node_volumes, reference_gradients
 from tripod_sim.elements.hexahedron import CORNERS, H8_MODES
+from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL, H27
+from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.forces.solid import Solid
 from tripod_sim.materials.laws import NAMES
 from tripod_sim.mesh.convert import convert
@@ -87,6 +89,26 @@ def test_node_volumes_sum_to_the_volume_and_inertia_is_positive(kind: Element) -
     assert load.sum() == pytest.approx(total, rel=1e-12)
     assert inert.sum() == pytest.approx(load.sum(), rel=1e-12)
     assert inert.min() > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "shares"),
+    [
+        (H27, [1 / 216, 4 / 216, 16 / 216, 64 / 216]),  # Simpson's rule along each axis: 1/6, 4/6, 1/6
+        (H20_FULL, [7 / 248, 16 / 248]),  # int N² dV is 28/135 at corners, 64/135 on edges
+        (H20, [1 / 40, 1 / 15]),  # the same by its own 2x2x2 points
+        (T10, [1 / (64 - 12 * 5**0.5), (20 - 4 * 5**0.5) / (128 - 24 * 5**0.5)]),  # by its own four points
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_inertia_is_lumped_in_proportion_to_the_square_of_the_shape_functions(
+    kind: Element, shares: list[float]
+) -> None:
+    """[HintonRockZienkiewicz1976] on the reference cell: shares of corners, edges, faces and the centre."""
+    _, inert = node_volumes(kind, kind.reference[None])
+    found = inert[0] / inert[0].sum()
+    inner = (np.abs(kind.reference) < 0.5).sum(axis=1) if kind.corners == 8 else np.arange(10) // 4 > 0
+    np.testing.assert_allclose(found, np.array(shares)[inner.astype(int)], rtol=1e-12)
 
 
 def test_surface_is_closed_and_encloses_the_volume(kind: Element) -> None:
