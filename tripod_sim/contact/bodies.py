@@ -65,14 +65,20 @@ class Body:
     def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
         """Write those at its end, after the moves `u` [m/s, rad/s]."""
 
-    def give(self, out: FloatArray) -> None:
-        """Write 1 / mass of each unknown [1/kg, 1/(kg m²)], 0 of given ones."""
+    def inverse_mass(self, out: FloatArray) -> None:
+        """Write the inverse masses in the present pose, a block for each three unknowns [1/kg, 1/(kg m²)].
+
+        `out`: shape (unknowns / 3, 3, 3), zero; rows and columns of given unknowns stay zero.
+        """
 
     def stop(self) -> None:
         """Take all velocities."""
 
-    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
-        """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""
+    def finish(self, u: FloatArray) -> None:
+        """Let the moves `u` be made."""
+
+    def add_velocity(self, change: FloatArray) -> None:
+        """Add to the present velocities of the unknowns [m/s, rad/s], shape (unknowns,)."""
 
 
 class Nodes(Body):

@@ -129,12 +129,12 @@ class RigidBodies(Body):
         """Write those after the moves `u`."""
         out[:] = (u - self._way.ravel()) / self._stage.s
 
-    def give(self, out: FloatArray) -> None:
-        """Write 1 / mass and the mean of 1 / moment of inertia."""
-        turning = np.trace(self._inverse, axis1=1, axis2=2) / 3
-        out[:] = np.repeat(np.stack([1 / self.mass, turning], axis=1), 3, axis=1).ravel()
+    def inverse_mass(self, out: FloatArray) -> None:
+        """Write 1 / mass and the inverse inertia in world of each body."""
+        out[0::2] = np.eye(3) / self.mass[:, None, None]
+        kernels.tensors_in_world(self._inverse, self.rotation, out[1::2])
 
-    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
+    def finish(self, u: FloatArray) -> None:
         """Let the moves `u` be made."""
         momentum = np.empty_like(self._known)
         self.rate_at_end(u, momentum.ravel())
@@ -146,12 +146,14 @@ class RigidBodies(Body):
             kernels.carry(self.inertia, self.rotation, self.spin, momentum[:, 3:])
         else:
             kernels.carry(self._inverse, self.rotation, momentum[:, 3:], self.spin)
-        if kick is not None:
-            self.velocity += kick.reshape(-1, 6)[:, :3]
-            self.spin += kick.reshape(-1, 6)[:, 3:]
         if self.looked_back:
             self._moved[:] = u.reshape(-1, 6)
             self._memory.note(self._momentum, self._known, momentum, self._stage)
+
+    def add_velocity(self, change: FloatArray) -> None:
+        """Add to velocities and spins."""
+        self.velocity += change.reshape(-1, 6)[:, :3]
+        self.spin += change.reshape(-1, 6)[:, 3:]
 
     def moved(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the centres (b, 3) and rotations (b, 3, 3) after the moves `u`."""

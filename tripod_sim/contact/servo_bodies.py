@@ -97,11 +97,7 @@ class ServoBodies(Body):
         """Write the same."""
         self.rate_at_start(out)
 
-    def give(self, out: FloatArray) -> None:
-        """Write 0: nothing moves them."""
-        out[:] = 0.0
-
-    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
+    def finish(self, u: FloatArray) -> None:
         """Let the moves be made."""
         self._slide, self._left = self._next
 

@@ -309,30 +309,26 @@ class SolidNodes(Nodes):
             self._spreads, out,
         )  # fmt: skip
 
-    def give(self, out: FloatArray) -> None:
-        """Write 1 / mass of each unknown [1/kg, 1/(kg m²)]; 0 of given ones."""
+    def inverse_mass(self, out: FloatArray) -> None:
+        """Write those of free nodes and rigid groups; given unknowns have none."""
         system, mass = self._system, self._mass
-        first = 3 * system.reduction.free_count
-        out[:] = 0.0
-        out[:first] = np.repeat(1 / mass[self._free], 3)
+        first = system.reduction.free_count
+        out[:first] = np.eye(3) / mass[self._free][:, None, None]
         for b, nodes in enumerate(system.groups.rigid):
             m, r = mass[nodes], self._now().positions[nodes] - self._now().centres[b]
             inertia = (m @ (r**2).sum(axis=1)) * np.eye(3) - (r * m[:, None]).T @ r
-            k = first + 6 * b
-            out[k : k + 3], out[k + 3 : k + 6] = 1 / m.sum(), np.trace(np.linalg.inv(inertia)) / 3
-        out[self.given] = 0.0
+            k = first + 2 * b
+            out[k], out[k + 1] = np.eye(3) / m.sum(), np.linalg.inv(inertia)
+        block, axis = np.divmod(self.given, 3)
+        out[block, axis], out[block, :, axis] = 0.0, 0.0
 
-    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
-        """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""
-        start, trial, system, stage = self._now(), self._trial, self._system, self._now_at
+    def finish(self, u: FloatArray) -> None:
+        """Let the moves `u` be made."""
+        start, trial, stage = self._now(), self._trial, self._now_at
         assert trial is not None
         self._place(u)
         np.subtract(trial.positions, self._stage.known[0], out=trial.velocities)
         trial.velocities /= stage.s
-        if kick is not None:
-            self._dx[:] = 0.0
-            system.reduction.moves(np.ascontiguousarray(kick[: self._own]), system.lever, self._dx)
-            trial.velocities += self._dx
         if self.looked_back and self._memory:
             after = np.empty_like(self._read)
             self._stage.read(trial, after)
@@ -340,6 +336,13 @@ class SolidNodes(Nodes):
         trial.copy_to(start)
         self._left -= stage.length
         self._at[:] = np.nan
+
+    def add_velocity(self, change: FloatArray) -> None:
+        """Add to the velocities of free nodes and rigid groups."""
+        system = self._system
+        self._dx[:] = 0.0
+        system.reduction.moves(np.ascontiguousarray(change[: self._own]), system.lever, self._dx)
+        self._now().velocities += self._dx
 
     # ------------------------------------------------------------------------------------------------------------------
 

@@ -108,9 +108,9 @@ class SpringNodes(Nodes):
         np.subtract(u, self._way, out=out)
         out /= self._stage.s
 
-    def give(self, out: FloatArray) -> None:
-        """Write 1 / mass of each unknown, with its damping."""
-        out[:] = 1 / (self._mass * (1.0 + self._problem.drag * self._stage.s))
+    def inverse_mass(self, out: FloatArray) -> None:
+        """Write those of free nodes."""
+        out[:] = np.eye(3) / self._mass[::3, None, None]
 
     def moved(self, u: FloatArray) -> FloatArray:
         """Return where all nodes are after the moves `u` [m], shape (n, 3)."""
@@ -183,17 +183,19 @@ class SpringNodes(Nodes):
             blocks += more
         assemble(body.links.ends, blocks, work.weight, body.free, body.number, self._slots)
 
-    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
+    def finish(self, u: FloatArray) -> None:
         """Let the moves be made."""
         after = self._now.copy()
         x, v, end = self._parts(after)
         rate = np.empty_like(u)
         self.rate_at_end(u, rate)
-        if kick is not None:
-            rate += kick
         self.ends(u, x)
         v[self._free] = rate.reshape(-1, 3)
         if self.looked_back:
             lengths(x, self._problem.links, end)
             self._memory.note(self._now, self._known, after, self._stage)
         self._now[:] = after
+
+    def add_velocity(self, change: FloatArray) -> None:
+        """Add to the velocities of free nodes."""
+        self.v[self._free] += change.reshape(-1, 3)

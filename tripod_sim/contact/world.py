@@ -24,9 +24,10 @@ from tripod_sim.contact import response_kernels as kernels
 from tripod_sim.contact.bodies import Body, Nodes
 from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
+from tripod_sim.contact.hit_kernels import hits, meets
+from tripod_sim.contact.impact import Impact, inverse_masses
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
-from tripod_sim.contact.restitution_kernels import bounces, hits, meets, restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
 
@@ -57,6 +58,7 @@ class ContactReport:
         parts: Parts that the step was divided into.
         restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
             to last step did not end smoothly.
+        lowered: By how much the coefficient of restitution was lowered at most, so that hits gave no energy.
         meets: Share of the step after which bodies that move on without forces hit; infinite where they do not, and
             where the step was not one of implicit Euler.
         way: To the forces, of the last response: `compliance` (few contacts), `multipliers` on all unknowns, `penalty`.
@@ -73,6 +75,7 @@ class ContactReport:
     cut: float = 0.0
     parts: int = 0
     restarted: bool = False
+    lowered: float = 0.0
     meets: float = np.inf
     way: str = ""
 
@@ -179,7 +182,7 @@ class World:
         self._place()
         held = np.asarray(~self._yields.any(axis=1))
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
-        self._impulse = np.zeros(64)
+        self._impact = Impact(law, self.contacts, bodies, self.problem.slices)
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self._warm_up()
 
@@ -187,10 +190,8 @@ class World:
         """Compile what is needed only when something hits, so that the first hit is no slower than others."""
         self.detector.warm_up(self.positions)
         self.response.warm_up()
-        c, law, none = self.contacts.arrays, self.law, np.zeros_like(self._u)
-        if law.restitution > 0:
-            bounces(c, 0, none, law.rest_speed)
-            restitute(c, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse)
+        c, none = self.contacts.arrays, np.zeros_like(self._u)
+        self._impact.warm_up()
         if self._looks_back:
             hits(c, 0, none, none, 0.0, 0.0, 0.0, 0.0)
             meets(c, 0, none, none, 0.0)
@@ -278,14 +279,14 @@ class World:
 
     def creep(self, stage: Stage, report: ContactReport) -> float:
         """Make a stage from rest to rest; return what it leaves to inertia [N], infinite where it cannot be made."""
-        u, give = self._u, self._end_rate
+        u = self._u
         self._begin(stage, stage.s)
         if self._move(stage, report, 0) < 1.0:
             return np.inf
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
-            body.give(give[part])
+        inverse = inverse_masses(self._bodies, self.problem.slices)
+        give = np.diagonal(inverse, axis1=1, axis2=2).ravel()
         moved = give > 0.0
-        self._finish(u, bounce=False)
+        self._finish(u)
         for body in self._bodies:
             body.stop()
         report.parts += 1
@@ -309,7 +310,7 @@ class World:
                 for body in self._bodies:
                     body.recall()
                 return False
-            self._finish(u, bounce=False)
+            self._finish(u)
         report.parts += 1
         return True
 
@@ -328,8 +329,11 @@ class World:
             report.cut = max(report.cut, 1.0 - share)
         report.parts += 1
         smooth = self._looks_back and share >= 1.0 and not self._hits(u, h)
-        self._finish(u, bounce=True)
-        return smooth
+        rebounds = self._impact.begins(u, h, self.NOISE * self.law.tolerance * self.law.distance / h)
+        self._finish(u)
+        if rebounds:
+            self._rebound(report, h)
+        return smooth and not rebounds
 
     def _begin(self, stage: Stage, h: float) -> float:
         """Write the moves of a stage without forces to `_u`, and what they touch to `contacts`.
@@ -471,25 +475,16 @@ class World:
                 )
             scale = 0.9 * share if share > 1e-3 else 0.0
 
-    def _finish(self, u: FloatArray, *, bounce: bool) -> None:
-        """Move the bodies by `u` and give them their velocities, with restitution if hits may `bounce`."""
-        kick = self._kick(u) if bounce and self.law.restitution > 0 and self.contacts.count else None
+    def _finish(self, u: FloatArray) -> None:
+        """Let the bodies make the moves `u`."""
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
-            body.finish(u[part], None if kick is None else kick[part])
+            body.finish(u[part])
 
-    def _kick(self, u: FloatArray) -> FloatArray | None:
-        """Return what restitution adds to the velocities after the moves `u`; None where nothing bounces."""
-        before, after, give = self._start_rate, self._end_rate, np.zeros_like(u)
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
-            body.rate_at_start(before[part])
-        if not bounces(self.contacts.arrays, self.contacts.count, before, self.law.rest_speed):
-            return None
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
-            body.rate_at_end(u[part], after[part])
-            body.give(give[part])
-        c, law = self.contacts, self.law
-        if len(self._impulse) < c.count:
-            self._impulse = np.zeros(2 * c.count)
-        v = after.copy()
-        restitute(c.arrays, c.count, before, v, give, law.restitution, law.rest_speed, 50, self._impulse)
-        return v - after
+    def _rebound(self, report: ContactReport, h: float) -> None:
+        """Give the bodies, at the end of a step of `h` [s], the velocities after the impact."""
+        c, impact = self.contacts, self._impact
+        self._place()
+        kernels.prepare(c.arrays, c.count, self.positions, self._free, np.inf)
+        impact.solve()
+        report.lowered = max(report.lowered, impact.lowered)
+        report.residual = max(report.residual, impact.residual * h)
