@@ -62,6 +62,10 @@ class Body:
     def rate_at_start(self, out: FloatArray) -> None:
         """Write the velocities of the unknowns at the start of the stage [m/s, rad/s]."""
 
+    def free_rate(self, out: FloatArray) -> None:
+        """Write the velocities of the unknowns at the end of the stage if no force acted [m/s, rad/s]."""
+        self.rate_at_start(out)
+
     def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
         """Write those at its end, after the moves `u` [m/s, rad/s]."""
 

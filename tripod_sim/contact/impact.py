@@ -64,7 +64,7 @@ class Impact:
         if not (self.wanted and self._contacts.count):
             return False
         for body, part in zip(self._bodies, self._slices, strict=True):
-            body.rate_at_start(self._before[part])
+            body.free_rate(self._before[part])
             body.rate_at_end(u[part], self._after[part])
         meets, parts = self._speeds()
         hit = meets > 0.0 and meets >= self._law.rest_speed

@@ -125,6 +125,10 @@ class RigidBodies(Body):
         """Write velocities and spins."""
         out[:] = np.hstack([self.velocity, self.spin]).ravel()
 
+    def free_rate(self, out: FloatArray) -> None:
+        """Write velocities, and the spins after the turn of a body that keeps its angular momentum."""
+        out[:] = np.hstack([self.velocity, self._untouched]).ravel()
+
     def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
         """Write those after the moves `u`."""
         out[:] = (u - self._way.ravel()) / self._stage.s
