@@ -273,7 +273,7 @@ def settle(
     """
     m = len(z)
     K, g, after, p, trial = np.empty((m, m)), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    error, before = 0.0, np.inf  # the forces that it begins with may be the right ones
+    error, before = 0.0, (np.inf, np.inf)  # the forces that it begins with may be the right ones
     for rounds in range(1, MORE + 1):
         set_limits(c, count, mu)
         phi, size = _potential(c, count, S, y, z, g), np.inf
@@ -311,10 +311,12 @@ def settle(
         put(c.friction[:count], friction[:count])
         if not error > aim and size <= max(0.1 * aim, 0.02 * error):
             return rounds, error
-        if rounds >= ROUNDS and error > SLOW * before:
-            for k in range(count):
+        for k in range(count):
+            if gap > SLOW * before[0] and gap > aim:
+                c.stiffness[k, 0] *= STIFFER
+            if rounds >= ROUNDS and slip > SLOW * before[1]:
                 c.stiffness[k, 1] *= STIFFER
-        before = error
+        before = gap, slip
     return MORE, error
 
 
