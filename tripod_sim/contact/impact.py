@@ -4,8 +4,8 @@ A step stops what hits, as without restitution, and its normal and friction forc
 problem of `impact_kernels` then changes these impulses and the velocities. So friction is bounded by the whole normal
 impulse: that which stops and that which throws back. What rests beside a hit takes part, so that impulses go through.
 
-Penalty needs the problem without restitution, too: its springs stop bodies too far in, push them out again, and give
-friction too late for a hit. The problem leaves the moves as they are and corrects the velocities.
+Rigid bodies under penalty need the problem without restitution, too: springs let them sink in, throw them out again,
+and give friction too late for a hit. The problem leaves the moves as they are and corrects the velocities.
 
 Newton's law of restitution with Coulomb friction can give energy to an oblique hit [KaneLevinson1985]. Where the
 impulses would do work, the coefficient of restitution is lowered for the hits of this step until they do none.
@@ -34,17 +34,26 @@ class Impact:
     NOTHING, BISECTIONS = 1e-9, 20
     """Work that counts as none, as a share of the impulses of the step times the fastest speed; bisections for e."""
 
-    def __init__(self, law: Law, contacts: ContactSet, bodies: list[Body], slices: list[slice]) -> None:
-        """`slices`: the unknowns of each body."""
-        self._law, self._contacts, self._bodies, self._slices = law, contacts, bodies, slices
+    def __init__(
+        self, law: Law, contacts: ContactSet, bodies: list[Body], slices: list[slice], soft: int
+    ) -> None:
+        """`slices`: the unknowns of each body; `soft`: how many of all are those of deformable ones, the first."""
+        self._law, self._contacts, self._bodies, self._slices, self._soft = (
+            law,
+            contacts,
+            bodies,
+            slices,
+            soft,
+        )
         self._before, self._after = np.zeros((2, slices[-1].stop))
-        self._speed, self._given = np.zeros(0), np.zeros((0, 3))
+        self._speed, self._among, self._given = np.zeros(0), np.zeros(0, dtype=bool), np.zeros((0, 3))
         self._work = self._fastest = self.lowered = self.residual = 0.0
 
     @property
     def wanted(self) -> bool:
         """Whether steps may end in impacts."""
-        return self._law.restitution > 0.0 or self._law.response == "penalty"
+        stiff = len(self._after) > self._soft
+        return self._law.restitution > 0.0 or (stiff and self._law.response == "penalty")
 
     def warm_up(self) -> None:
         """Compile what is needed only when something hits."""
@@ -87,11 +96,13 @@ class Impact:
             body.add_velocity(change[part])
 
     def _speeds(self) -> tuple[float, float]:
-        """Return how fast what is pressed approaches before the step, and parts after it, at most [m/s]."""
+        """Return how fast pressed contacts approach before the step, and stiff ones part after it, at most [m/s]."""
         c, count = self._contacts.arrays, self._contacts.count
-        self._speed = np.empty(count)
-        _, parts = kernels.normal_speeds(c, count, self._after, self._speed)
-        meets, _ = kernels.normal_speeds(c, count, self._before, self._speed)
+        base, self._speed = c.base[:count], np.empty(count)
+        stiff = ((base < 0) | (base >= self._soft)).all(axis=1)
+        self._among = stiff | (self._law.restitution > 0.0)
+        _, parts = kernels.normal_speeds(c, count, stiff, self._after, self._speed)
+        meets, _ = kernels.normal_speeds(c, count, self._among, self._before, self._speed)
         return -meets, parts
 
     def _keep(self, s: float) -> None:
@@ -108,7 +119,7 @@ class Impact:
         kernels.inverse_masses(c, count, inverse, W)
         n = c.normal[:count]
         touches = (c.pressure[:count] > 0.0) | (c.gap[:count] <= law.tolerance * law.distance)
-        active = touches & (np.einsum("ki,kij,kj->k", n, W, n) > 0.0)
+        active = self._among & touches & (np.einsum("ki,kij,kj->k", n, W, n) > 0.0)
         hit = np.where(self._speed <= -law.rest_speed, -self._speed, 0.0)
         after, impulses = np.empty_like(v), np.empty_like(self._given)
 

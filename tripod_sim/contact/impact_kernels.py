@@ -32,17 +32,17 @@ EXACT = 1e-13
 
 
 @njit(cache=True, error_model="numpy")
-def normal_speeds(c: Contacts, count: int, v: Array, out: Array) -> tuple[float, float]:
-    """Write n . J v of each contact [m/s], shape (count,); return the least and the largest of those under pressure.
+def normal_speeds(c: Contacts, count: int, among: Array, v: Array, out: Array) -> tuple[float, float]:
+    """Write n . J v of each contact [m/s], shape (count,).
 
-    They are not above and not below zero.
+    Return the least and the largest of those `among` them, shape (count,), that are under pressure; zero lies between.
     """
     least = most = 0.0
     for k in range(count):
         d = relative(c.base, c.lump, c.moment, c.width, k, v)
         n = c.normal[k]
         out[k] = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-        if c.pressure[k] > 0.0:
+        if among[k] and c.pressure[k] > 0.0:
             least, most = min(least, out[k]), max(most, out[k])
     return least, most
 

@@ -182,7 +182,9 @@ class World:
         self._place()
         held = np.asarray(~self._yields.any(axis=1))
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
-        self._impact = Impact(law, self.contacts, bodies, self.problem.slices)
+        self._impact = Impact(
+            law, self.contacts, bodies, self.problem.slices, nodes[0].unknowns if nodes else 0
+        )
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self._warm_up()
 
