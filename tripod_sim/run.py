@@ -31,6 +31,9 @@ SETTLING = 1.0
 MOST_STEPS = 10**9
 """Of one run."""
 
+LOWERED = 0.01
+"""By how much the coefficient of restitution of a hit may be lowered without a note."""
+
 
 def run(
     scene: str,
@@ -75,7 +78,8 @@ def run(
         the error of the steps (largest, largest_with_steps) [m], NaN where there is no estimate, with a ball its
         position [m] and event (words), with contact what it took in the last step (contacts, those pressed, force [N],
         rounds of the response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m],
-        cut) and with rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the
+        cut, and lowered, by how much the run lowered the coefficient of restitution of a hit at most) and with rigid
+        bodies their poses, markers (set, position and moved [m], force [N] and moment about the
         origin [N m] of what holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the
         wall time of a step [ms], median and 99th percentile.
 
@@ -101,7 +105,7 @@ def run(
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     errors = LargestErrors()
     least = Firmness(simulation, steps)
-    stalled_steps, unstable = [0] * len(simulation.torques), array("d")
+    stalled_steps, unstable, lowered = [0] * len(simulation.torques), array("d"), 0.0
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
@@ -114,6 +118,8 @@ def run(
                 totals[name] += getattr(report, name)
             errors.add(report)
             least.look()
+            if report.contact:
+                lowered = max(lowered, report.contact.lowered)
             if report.unstable:
                 unstable.append(simulation.state.time)
             if joints is not None or description.prescribed:  # what works on the body
@@ -134,7 +140,9 @@ def run(
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
-    simulation.note(*_unstable(unstable, steps), *_astray(errors.largest, simulation))
+    simulation.note(
+        *_unstable(unstable, steps), *_astray(errors.largest, simulation), *_lowered_restitution(lowered)
+    )
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -170,7 +178,7 @@ def run(
         **({"markers": _markers(simulation)} if description.marker else {}),
         **({"notes": list(simulation.notes)} if simulation.notes else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
-        **_contact_summary(simulation),
+        **_contact_summary(simulation, lowered),
     }
 
 
@@ -244,6 +252,16 @@ def _astray(error: float, simulation: Simulation) -> list[str]:
     ]
 
 
+def _lowered_restitution(lowered: float) -> list[str]:
+    """Return what is to say of hits whose coefficient of restitution was lowered by at most `lowered`."""
+    if lowered <= LOWERED:
+        return []
+    return [
+        f"contact.restitution was lowered by up to {lowered:.2g} for hits that would have gained energy: they bounce "
+        "less than the scene says; set a smaller contact.restitution, a smaller contact.friction or a shorter dt"
+    ]
+
+
 def _errors(simulation: Simulation, errors: LargestErrors) -> dict[str, Any]:
     """Return the largest errors of the time steps and of the mesh, of those that the scene asks for."""
     found = dict[str, Any]()
@@ -273,8 +291,11 @@ def _markers(simulation: Simulation) -> list[dict[str, Any]]:
     return found
 
 
-def _contact_summary(simulation: Simulation) -> dict[str, Any]:
-    """Return rigid bodies and contacts at the end; nothing in a scene without contact."""
+def _contact_summary(simulation: Simulation, lowered: float) -> dict[str, Any]:
+    """Return rigid bodies and contacts at the end; nothing in a scene without contact.
+
+    `lowered`: by how much the coefficient of restitution was lowered at most.
+    """
     contact = simulation.report.contact
     if not contact:
         return {}
@@ -288,6 +309,7 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
             "residual": contact.residual,
             "smallest_gap": contact.smallest_gap if contact.contacts else None,
             "cut": contact.cut,
+            "lowered": lowered,
         }
     }
     own = len(simulation.scene.rigid)  # a ball that is one of them is told by its name

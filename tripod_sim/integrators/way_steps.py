@@ -374,4 +374,5 @@ def _joined(report: StepReport, earlier: StepReport) -> StepReport:
     if contact and before:
         contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)
         contact.cut = max(contact.cut, before.cut)
+        contact.lowered = max(contact.lowered, before.lowered)
     return replace(report.after(earlier), parts=earlier.parts + 1, rejected=earlier.rejected)
