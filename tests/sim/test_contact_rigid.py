@@ -1,9 +1,12 @@
 """Rigid bodies in contact: Coulomb's law on an incline, bounces, a stack, and nothing that passes through."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
 from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
+from tests.tiers import sampled
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.surfaces import Part
@@ -109,6 +112,50 @@ def test_stack_of_three_rests(response: str) -> None:
     assert report.force == pytest.approx(
         0.3 * G * (3 + 2 + 1), rel=1e-3
     )  # each interface carries what is above
+
+
+def heavy_on_light(law: Law, ratio: float, scheme: str = "implicit_euler") -> World:
+    """Return a cube of 1000 kg that lies on one that is lighter by `ratio`, on the plate."""
+    masses = np.array([1000.0 / ratio, 1000.0])
+    inertia = masses[:, None, None] * 0.01 / 6 * np.eye(3)
+    bodies = RigidBodies(masses, inertia, np.array([[0, 0, 0.051], [0, 0, 0.152]]), np.array([0, 0, -G]))
+    parts = [box([0.1, 0.1, 0.1]) for _ in masses]
+    return World(law, 3 * law.distance, scheme, obstacles=[plate()], rigid=(bodies, parts))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "tolerance", "scheme"),
+    sampled(
+        product([1e2, 1e4, 1e5, 1e6], [1e-3, 1e-5, 1e-7], ["implicit_euler", "bdf2", "tr_bdf2"]),
+        (1e4, 1e-3, "implicit_euler"),
+        (1e4, 1e-3, "tr_bdf2"),
+        (1e6, 1e-7, "implicit_euler"),
+    ),
+)
+def test_a_heavy_cube_rests_on_a_light_one(ratio: float, tolerance: float, scheme: str) -> None:
+    """What trembles goes no further within a stage than gaps may err; weights are carried, each by what is below."""
+    world, h = heavy_on_light(Law(friction=0.3, tolerance=tolerance), ratio, scheme), 5e-3
+    assert world.rigid
+    gap, weight = tolerance * world.law.distance, 1000.0 * G
+    for _ in range(100):
+        report = world.step(h)
+        assert report.residual <= gap
+        assert np.abs(world.rigid.velocity).max() < 10 * gap / h
+    np.testing.assert_allclose(world.rigid.centre, [[0, 0, 0.051], [0, 0, 0.152]], atol=20 * gap)
+    assert np.abs(world.rigid.spin).max() < 10 * gap / h / 0.05
+    # a tremble of one gap a step on top of the weight, at both interfaces
+    assert report.force == pytest.approx((2 + 1 / ratio) * weight, abs=20 * 1000 * gap / h**2)
+
+
+@pytest.mark.parametrize("ratio", [1e2, 1e4])
+def test_springs_that_do_not_bear_a_heavy_cube_say_so(ratio: float) -> None:
+    """Under penalty it rests on the light one, or the residual is above the tolerance."""
+    world, worst = heavy_on_light(Law("penalty", 0.3), ratio), 0.0
+    assert world.rigid
+    for _ in range(100):
+        worst = max(worst, world.step(1e-2).residual)
+    rests = np.abs(world.rigid.centre[:, 2] - [0.051, 0.152]).max() < 1e-3
+    assert rests or worst > world.law.tolerance * world.law.distance
 
 
 @pytest.mark.parametrize("response", MODES)
