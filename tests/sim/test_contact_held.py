@@ -105,14 +105,17 @@ def test_a_slab_that_is_lifted_lifts_the_ball_that_lies_on_it(scheme: str, respo
 def test_friction_takes_along_what_lies_on_a_plate_that_gets_faster(
     share: float, scheme: str, block: str
 ) -> None:
-    """By `share` of mu g: a box follows what is less, and gains mu g where it is more."""
+    """By `share` of mu g: a box follows what is less, and gains mu g where it is more.
+
+    In most steps: in some an edge of the mesh pushes an edge of the box that slides over it.
+    """
     way = "; ".join(f"{t}: {0.5 * share * MU * G * t**2},0,0" for t in 0.005 * np.arange(31))
     simulation = moved_block(block, way, on_top("box"), f"inertia.scheme={scheme}", "material.young=3e6")
     speeds = []
     for _ in range(14):
         simulation.step()
         speeds.append(float(simulation.state.rigid.velocities[0, 0]))
-    assert (speeds[-1] - speeds[5]) / (8 * 0.005) == pytest.approx(min(share, 1.0) * MU * G, rel=0.02)
+    assert np.median(np.diff(speeds[5:])) / 0.005 == pytest.approx(min(share, 1.0) * MU * G, rel=0.02)
     assert abs(simulation.state.rigid.velocities[0, 2]) < 1e-3
 
 

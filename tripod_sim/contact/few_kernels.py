@@ -24,8 +24,9 @@ SHORTEST = 1e-4
 """Smallest fraction of a Newton step."""
 
 SLOW, STIFFER = 0.5, 4.0
-"""Share of the error that a slow round leaves, at least, and how many times stiffer that makes contacts along surfaces:
-what is held between them, as a ball in a hole, needs it."""
+"""Share of the error that a slow round leaves, at least, and how many times stiffer that makes contacts: along their
+normals if gaps err most, as under a body that is far heavier than the one below, else along the surfaces, as where
+friction wedges a ball in a hole."""
 
 NORMAL, TANGENTIAL = 60.0, 5.0
 """Stiffness of contacts over that of the bodies at the contact: the error falls by about this factor a round. Softer
@@ -273,7 +274,7 @@ def settle(
     """
     m = len(z)
     K, g, after, p, trial = np.empty((m, m)), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    error, before = 0.0, (np.inf, np.inf)  # the forces that it begins with may be the right ones
+    error, before = 0.0, np.inf  # the forces that it begins with may be the right ones
     for rounds in range(1, MORE + 1):
         set_limits(c, count, mu)
         phi, size = _potential(c, count, S, y, z, g), np.inf
@@ -311,12 +312,11 @@ def settle(
         put(c.friction[:count], friction[:count])
         if not error > aim and size <= max(0.1 * aim, 0.02 * error):
             return rounds, error
-        for k in range(count):
-            if gap > SLOW * before[0] and gap > aim:
-                c.stiffness[k, 0] *= STIFFER
-            if rounds >= ROUNDS and slip > SLOW * before[1]:
-                c.stiffness[k, 1] *= STIFFER
-        before = gap, slip
+        if rounds >= ROUNDS and error > SLOW * before:
+            for k in range(count):
+                c.stiffness[k, 0] *= STIFFER if gap == error else 1.0
+                c.stiffness[k, 1] *= STIFFER if slip == error else 1.0
+        before = error
     return MORE, error
 
 
