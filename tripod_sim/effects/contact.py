@@ -21,7 +21,7 @@ class Contact:
         contact_distance: At which surfaces are held [m].
         alarm_distance: Below which contacts are made [m]; larger.
         friction: Coulomb's coefficient.
-        restitution: Normal speed after an impact over that before it.
+        restitution: Normal speed after an impact over that before it; less for impacts that would gain energy.
         rest_speed: Impacts below it do not bounce [m/s].
         self_contact: Whether the soft body touches itself.
         start: Where bodies pass through each other or through an obstacle at the start: `refuse` names them, `lift`
@@ -122,6 +122,7 @@ EFFECT = Effect(
     stages={
         "contact.stepper.ContactStepper": {"step": f"{CONTACT}: bookkeeping"},
         "contact.world.World": {"step": f"{CONTACT}: bookkeeping", "_finish": f"{CONTACT}: end of the step"},
+        "contact.impact.Impact": {"solve": f"{CONTACT}: impacts"},
         "contact.detection.Detector": {
             "near": f"{CONTACT}: near pairs",
             "met": f"{CONTACT}: continuous detection",
