@@ -49,7 +49,7 @@ def test_friction_of_a_hit_is_bounded_by_the_whole_normal_impulse(
     shape: str, response: str, scheme: str, e: float, dt: float
 ) -> None:
     """Coulomb: mu times the normal impulse m (1 + e) v, and no more than stops the slip, 2/7 of the speed of a ball."""
-    world = thrown(shape, Law(response, MU, e, distance=1e-4), scheme)
+    world = thrown(shape, Law(response, MU, e, distance=1e-4, tolerance=1e-4), scheme)
     assert world.rigid
     for _ in range(int(0.012 / dt) + 2):
         world.step(dt)
@@ -115,6 +115,7 @@ def random_hit(rng: np.random.Generator, response: str) -> tuple[World, str]:
         float(rng.choice([0.0, 0.1, 0.3, 1.0, 2.0])),
         float(rng.choice([0.3, 0.6, 1.0])),
         distance=1e-4,
+        tolerance=1e-6,
     )
     speed = np.array([*rng.uniform(-3, 3, 2), -rng.uniform(0.2, 3.0)])
     mass, gap = 10 ** rng.uniform(-1, 1), float(rng.uniform(0, 1e-4))
@@ -156,16 +157,24 @@ def flight_error(bodies: RigidBodies, dt: float) -> float:
     ),
 )
 def test_no_hit_gives_energy(response: str, dt: float, number: int) -> None:
-    """Neither slow nor fast, sticking nor sliding, on corners, edges and faces."""
+    """Neither slow nor fast, sticking nor sliding, on corners, edges and faces.
+
+    As long as a step turns the body by less than half a radian. Speeds err by the error of the moves, `tolerance` times
+    the contact distance, over the step; springs may push out as slowly what has sunk in.
+    """
     rng = np.random.default_rng(20261128)
     seen, hits, stopped = set(), 0, 0
     for _ in range(number):
         world, kind = random_hit(rng, response)
         assert world.rigid
-        for _ in range(12 if dt < 1e-2 else 4):
+        noise = 4 * world.law.tolerance * world.law.distance / dt
+        for _ in range(12):
+            if np.linalg.norm(world.rigid.spin) * dt > 0.5:
+                break
             before, error = kinetic(world.rigid), flight_error(world.rigid, dt)
             report = world.step(dt)
-            assert kinetic(world.rigid) <= before * (1 + 1e-9) + error
+            slack = np.sqrt(2 * before * world.rigid.mass[0]) * noise
+            assert kinetic(world.rigid) <= before * (1 + 1e-9) + error + slack
             hits += report.pressed > 0
             stopped += report.pressed > 0 and world.law.friction > 0
         seen.add(kind)

@@ -96,14 +96,15 @@ class Impact:
             body.add_velocity(change[part])
 
     def _speeds(self) -> tuple[float, float]:
-        """Return how fast pressed contacts approach before the step, and stiff ones part after it, at most [m/s]."""
+        """Return how fast pressed contacts approach before the step, and stiff ones part before or after it [m/s]."""
         c, count = self._contacts.arrays, self._contacts.count
         base, self._speed = c.base[:count], np.empty(count)
         stiff = ((base < 0) | (base >= self._soft)).all(axis=1)
         self._among = stiff | (self._law.restitution > 0.0)
-        _, parts = kernels.normal_speeds(c, count, stiff, self._after, self._speed)
+        _, after = kernels.normal_speeds(c, count, stiff, self._after, self._speed)
+        _, before = kernels.normal_speeds(c, count, stiff, self._before, self._speed)
         meets, _ = kernels.normal_speeds(c, count, self._among, self._before, self._speed)
-        return -meets, parts
+        return -meets, max(before, after)
 
     def _keep(self, s: float) -> None:
         """Keep the impulses of a step of `s` [s] and their work."""
