@@ -249,7 +249,7 @@ def run_tests(tree: Path, files: Sequence[str], log: Path) -> str | None:
     if code == 0:
         return None
     failed = re.search(
-        r"^(?:FAILED|ERROR) (\S+)", log.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
+        r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
     )
     return failed[1] if failed else f"ended with {code}"
 
