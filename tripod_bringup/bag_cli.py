@@ -16,6 +16,12 @@ Topics = Annotated[
 ]
 
 
+Number = Annotated[
+    int | None,
+    typer.Option("--segment", min=1, help="Only this part between restarts; `tripod bag info` lists them."),
+]
+
+
 @bag.command(
     epilog=examples(
         "tripod bag info recordings/tripod_2030-01-31_12-00-00",
@@ -42,6 +48,7 @@ def info(
     epilog=examples(
         "tripod bag play recordings/NAME",
         "tripod bag play recordings/NAME --to sim --rate inf",
+        "tripod bag play recordings/NAME --to sim --segment 2",
         "tripod bag play recordings/NAME --to robot --start 2.5 --rate 0.5",
         "tripod bag play recordings/NAME --topics 'sim/* /tf'",
     ),
@@ -58,6 +65,7 @@ def play(
     ] = To.TOPICS,
     rate: Annotated[float, typer.Option(help="Recorded time over time; of sim also inf.")] = 1.0,
     start: Annotated[float, typer.Option(help="Where to begin \\[s].")] = 0.0,
+    segment: Number = None,
     topics: Topics = None,
     subnet: Subnet = False,
 ) -> None:
@@ -69,7 +77,14 @@ def play(
 
     raise typer.Exit(
         play_command(
-            file, to=to, rate=rate, start=start, topics=" ".join(topics or ()), subnet=subnet, ros=context.obj
+            file,
+            to=to,
+            rate=rate,
+            start=start,
+            topics=" ".join(topics or ()),
+            segment=segment,
+            subnet=subnet,
+            ros=context.obj,
         )
     )
 
@@ -83,9 +98,12 @@ def play(
 )
 def export(
     file: Recording,
-    out: Annotated[Path, typer.Argument(help="A .csv, .npz or .parquet file.")],
+    out: Annotated[
+        Path | None, typer.Argument(help="A .csv, .npz or .parquet file; without: NAME.csv here.")
+    ] = None,
     *,
     topics: Topics = None,
+    segment: Number = None,
 ) -> None:
     """Write the numbers of a recording: joints, poses and statuses, or --topics, over time in s, SI units.
 
@@ -94,28 +112,38 @@ def export(
     """
     from tripod_bringup.bag_export import export_command  # noqa: PLC0415
 
-    raise typer.Exit(export_command(file, out, " ".join(topics or ())))
+    raise typer.Exit(export_command(file, out, " ".join(topics or ()), segment))
 
 
 @bag.command(epilog=examples("tripod bag plot recordings/NAME curves.png"))
-def plot(file: Recording, out: Annotated[Path, typer.Argument(help="A .png, .svg or .pdf file.")]) -> None:
+def plot(
+    file: Recording,
+    out: Annotated[
+        Path | None, typer.Argument(help="A .png, .svg or .pdf file; without: NAME.png here.")
+    ] = None,
+    *,
+    segment: Number = None,
+) -> None:
     """Draw angles, effector, ball and errors of a recording."""
     from tripod_bringup.bag_export import plot_command  # noqa: PLC0415
 
-    raise typer.Exit(plot_command(file, out))
+    raise typer.Exit(plot_command(file, out, segment))
 
 
 @bag.command(epilog=examples("tripod bag html recordings/NAME session.html"))
 def html(
     file: Recording,
-    out: Annotated[Path, typer.Argument(help="The .html file to write.")],
+    out: Annotated[
+        Path | None, typer.Argument(help="The .html file to write; without: NAME.html here.")
+    ] = None,
     *,
     topics: Topics = None,
+    segment: Number = None,
 ) -> None:
     """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
     from tripod_bringup.bag_export import html_command  # noqa: PLC0415
 
-    raise typer.Exit(html_command(file, out, " ".join(topics or ())))
+    raise typer.Exit(html_command(file, out, " ".join(topics or ()), segment))
 
 
 @commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))

@@ -40,6 +40,10 @@ class Player(Protocol):
         """While paused: go on by one step."""
 
 
+ENDED = "ended by q"
+"""How a player ends that the user ends."""
+
+
 class Controls:
     """Gives the keys of the terminal to a player: space pauses and goes on, `.` and the right arrow step, q ends."""
 
@@ -83,7 +87,7 @@ class Controls:
             elif key in (".", "right"):
                 self._player.step()
             elif key == "q":
-                self._player.done = self._player.done or "ended by q"
+                self._player.done = self._player.done or ENDED
 
 
 def progress_line(player: Any) -> str:

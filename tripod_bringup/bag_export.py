@@ -9,50 +9,92 @@ from typing import Any
 import numpy as np
 
 from tripod_bringup.bag_play import chosen, tell_unread
-from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, progress_bar
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, Progress, progress_bar
 from tripod_host.writing import check_place, replaced, replaced_text
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.info import printable
+from tripod_record.segments import chosen_segment, log_times, read_segments, simulators
 from tripod_record.table import Series, is_shown, read_series, table
 from tripod_sim.errors import SceneError, StepError
 
 FORMATS = (".csv", ".npz", ".parquet")
 
 
-def export_command(file: Path, out: Path, topics: str) -> int:
-    """Write the numbers and return the exit code: 0, 1 of a damaged recording, 2 bad input."""
+def export_command(file: Path, out: Path | None, topics: str, segment: int | None = None) -> int:
+    """Write the numbers and return the exit code: 0, 1 of a damaged recording, 2 bad input.
+
+    `out`: None takes a new .csv file in the working directory with the recording's name; so do the other commands.
+    `segment`: only what belongs to that one.
+    """
+    out = out or unused_path(file, ".csv")
 
     def write() -> Bag:
         _check(out, FORMATS)
         if out.suffix.lower() == ".parquet":
             _check_parquet()
-        bag = Bag(file)
-        with bag.accounted():
-            series = read_series(bag, chosen(topics) if topics else is_shown)
-            {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[out.suffix.lower()](series, out)
+        with progress_bar(shown=sys.stderr.isatty()) as progress:
+            _say(progress, f"reading {file.name}")
+            bag = Bag(file)
+            with bag.accounted():
+                _restrict(bag, segment)
+                series = read_series(bag, chosen(topics) if topics else is_shown, progress)
+                _say(progress, f"writing {out.name}")
+                writers = {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}
+                writers[out.suffix.lower()](series, out)
         return bag
 
     return _run("export", out, write)
 
 
-def plot_command(file: Path, out: Path) -> int:
+def plot_command(file: Path, out: Path | None, segment: int | None = None) -> int:
     """Draw the curves and return the exit code: 0, 1 of a damaged recording, 2 bad input."""
+    out = out or unused_path(file, ".png")
 
     def write() -> Bag:
         _check(out, (".png", ".svg", ".pdf"))
         from tripod_bringup.bag_plot import draw  # noqa: PLC0415 - not needed for the help
 
-        bag = Bag(file)
-        with bag.accounted():
-            draw(read_series(bag), out, Path(bag.info.path).name)
+        with progress_bar(shown=sys.stderr.isatty()) as progress:
+            _say(progress, f"reading {file.name}")
+            bag = Bag(file)
+            with bag.accounted():
+                _restrict(bag, segment)
+                series = read_series(bag, progress=progress)
+                _say(progress, f"writing {out.name}")
+                draw(series, out, Path(bag.info.path).name)
         return bag
 
     return _run("plot", out, write)
 
 
-def html_command(file: Path, out: Path, topics: str) -> int:
+def unused_path(recording: Path, suffix: str) -> Path:
+    """Return a path in the working directory that does not exist: the recording's name with `suffix`, and a number."""
+    stem = (recording.stem if recording.suffix == ".mcap" else recording.resolve().name) or "recording"
+    path, number = Path(f"{stem}{suffix}"), 2
+    while path.exists():
+        path, number = Path(f"{stem}_{number}{suffix}"), number + 1
+    return path
+
+
+def _restrict(bag: Bag, segment: int | None) -> None:
+    """Let a recording be read only as far as it belongs to a segment. Raises RecordError."""
+    if segment is None:
+        return
+    found = [read_segments(bag, namespace) for namespace in simulators(bag)]
+    if len(found) != 1:
+        raise RecordError(f"{bag.info.path} holds {len(found)} simulators; --segment needs one")
+    bag.span = log_times(found[0], chosen_segment(bag, found[0], segment).number)
+
+
+def _say(progress: Progress | None, text: str) -> None:
+    if progress:
+        progress.say(text)
+
+
+def html_command(file: Path, out: Path | None, topics: str, segment: int | None = None) -> int:
     """Write the page and return the exit code: 0, 1 damaged, or not the recorded session, 2 bad input."""
+    out = out or unused_path(file, ".html")
     from tripod_bringup.bag_film import session_arrays  # noqa: PLC0415 - not needed for the help
     from tripod_bringup.bag_session import read_session  # noqa: PLC0415
     from tripod_bringup.pictures import PictureError, Pictures  # noqa: PLC0415
@@ -65,9 +107,10 @@ def html_command(file: Path, out: Path, topics: str) -> int:
             pictures.check()
             bag = Bag(file)
             with bag.accounted():
-                rerun = read_session(bag, chosen(topics)).rerun()
+                session = read_session("html", bag, chosen(topics), segment)
+                rerun = session.rerun()
             with progress_bar(shown=sys.stderr.isatty()) as progress:
-                arrays = session_arrays(rerun, bag, progress)
+                arrays = session_arrays(rerun, session.segment, progress)
             if not pictures.write(arrays):
                 raise RecordError(f"{bag.info.path} has no step that can be made again")
         except PictureError as error:

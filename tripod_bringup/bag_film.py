@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from tripod_record.bag import Bag
+from tripod_record.segments import Segment
 from tripod_sim.recording import Recording
 from tripod_sim.rerun import Ended, Rerun
 
@@ -16,12 +16,14 @@ RATE = 50.0
 """Pictures a second of shorter ones."""
 
 
-def session_arrays(rerun: Rerun, bag: Bag, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
+def session_arrays(
+    rerun: Rerun, segment: Segment, progress: Callable[[float], None] | None = None
+) -> dict[str, Any]:
     """Make the session again and return its pictures; time goes on where the simulation was reset.
 
     Raises SceneError, StepError.
     """
-    simulation, length = rerun.simulation, max(bag.info.duration, 1e-9)
+    simulation, length = rerun.simulation, max(1e-9 * (segment.end - segment.start), 1e-9)
     recording = Recording(simulation, PICTURES + 2)
     every = max(1, round(max(1 / RATE, length / PICTURES) / simulation.scene.dt))
     times: list[float] = []
@@ -36,5 +38,5 @@ def session_arrays(rerun: Rerun, bag: Bag, progress: Callable[[float], None] | N
             recording.add(simulation)
             times.append(rerun.outcome.steps * simulation.scene.dt)
             if progress:
-                progress(min(1.0, 1e-9 * (rerun.stamp - bag.start) / length))
+                progress(min(1.0, max(0.0, 1e-9 * (rerun.stamp - segment.start) / length)))
     return recording.arrays() | {"time": np.array(times)}

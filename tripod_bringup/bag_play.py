@@ -14,8 +14,10 @@ from tripod_host.stop import first
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.info import printable
+from tripod_record.segments import chosen_segment, segment_lines
 from tripod_record.selection import is_selected, patterns
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.rerun import Rerun
 
 RATES = (0.01, 100.0)
 """Smallest and largest rate, but for the simulator, which may also run as fast as it can."""
@@ -28,26 +30,52 @@ INTERRUPTED = 130
 
 
 def play_command(
-    file: Path, *, to: To, rate: float, start: float, topics: str, subnet: bool, ros: Sequence[str]
+    file: Path,
+    *,
+    to: To,
+    rate: float,
+    start: float,
+    topics: str,
+    subnet: bool,
+    ros: Sequence[str],
+    segment: int | None = None,
 ) -> int:
     """Play, print how it ended and return the exit code.
+
+    Into the simulator, all segments are played in turn, or only `segment`.
 
     0; 1 it broke off or differs; 2 bad input, or no driver can play it; 130 it was ended before anything was played.
     """
     try:
         check(to, rate, start)
+        if segment is not None and to is not To.SIM:
+            raise RecordError(f"--segment is of --to sim; --to {to.value} plays from --start on")
         if sys.stderr.isatty():
             print(f"tripod bag play: reading {printable(str(file))}{THEN[to]}", file=sys.stderr, flush=True)
         bag = Bag(file)
         with bag.accounted():
-            make = MAKERS[to](bag, topics, start, rate)
+            if to is To.SIM:
+                players = _into_simulator(bag, topics, start, rate, segment)
+            else:
+                players = {"": (_to_robot if to is To.ROBOT else _as_topics)(bag, topics, start, rate)}
     except (RecordError, SceneError, OSError) as error:
         return complain(error, BAD_ARGUMENTS)
     except StepError as error:
         return complain(error, FAILED)
-    from tripod_bringup.bag_controls import Controls  # noqa: PLC0415 - not needed for the help
-
     tell_unread("play", bag)
+    words = [*(["--subnet"] if subnet else []), "--ros-args", *ros]
+    codes, goes_on = [0], True
+    for name, make in players.items():
+        if goes_on:
+            code, goes_on = _play(name, make, words)
+            codes.append(code)
+    return max(codes) or tell_unread("play", bag)
+
+
+def _play(name: str, make: Callable[[], Any], words: Sequence[str]) -> tuple[int, bool]:
+    """Play what `make` returns; return the exit code, and whether it came to its end. `name`: before how it ended."""
+    from tripod_bringup.bag_controls import ENDED, Controls  # noqa: PLC0415 - not needed for the help
+
     made: list[Any] = []
     controls: list[Controls] = []
 
@@ -56,22 +84,23 @@ def play_command(
         controls.append(Controls(made[0], made[0]))
         return made[0]
 
-    words = [*(["--subnet"] if subnet else []), "--ros-args", *ros]
     with first(lambda: INTERRUPTED):
         code = run_node("tripod bag play", build, words, until=lambda: bool(made[0].done))
     for control in controls:
         control.close()
-    if made and made[0].done:
+    done = made[0].done if made else ""
+    if done:
         failed = getattr(made[0], "failed", False)
+        said = f"{name}{done}"
         print(
-            made[0].done if not failed else f"tripod bag play: {made[0].done}",
+            said if not failed else f"tripod bag play: {said}",
             file=sys.stderr if failed else sys.stdout,
         )
         refused = getattr(made[0], "refused", False)
         code = code or (BAD_ARGUMENTS if refused else FAILED if failed else 0)
     elif made and made[0].waiting:
         code = code or INTERRUPTED
-    return code or tell_unread("play", bag)
+    return code, bool(done) and done != ENDED
 
 
 def check(to: To, rate: float, start: float) -> None:
@@ -103,20 +132,34 @@ def chosen(topics: str) -> Callable[[str], bool]:
     return lambda topic: not wanted or is_selected(topic, "/", wanted, ())
 
 
-def _into_simulator(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], Any]:
-    from tripod_bringup.bag_session import read_session  # noqa: PLC0415 - not needed for the help
+def _into_simulator(
+    bag: Bag, topics: str, start: float, rate: float, number: int | None
+) -> dict[str, Callable[[], Any]]:
+    """Return what makes the players of the segments that end after `start` [s], by what tells them apart."""
+    from tripod_bringup.bag_session import Session, read_sessions  # noqa: PLC0415 - not needed for the help
 
     check_start(bag.info.duration, start)
-    session = read_session(bag, chosen(topics))
+    sessions = read_sessions(bag, chosen(topics))
+    segments = [session.segment for session in sessions]
+    if number is not None:
+        sessions = [sessions[chosen_segment(bag, segments, number).number - 1]]
+    lines = segment_lines(bag, segments)
     with compiling_told("tripod bag play"):
-        rerun = session.rerun()
+        reruns = [session.rerun() for session in sessions]
 
-    def make() -> Any:
-        from tripod_bringup.bag_simulator import SimPlayer  # noqa: PLC0415
+    def player(session: Session, rerun: Rerun) -> Callable[[], Any]:
+        def make() -> Any:
+            from tripod_bringup.bag_simulator import SimPlayer  # noqa: PLC0415
 
-        return SimPlayer(session, rerun, start=start, rate=rate)
+            return SimPlayer(session, rerun, start=start, rate=rate)
 
-    return make
+        return make
+
+    return {
+        f"{lines[s.segment.number - 1]}: " if len(segments) > 1 else "": player(s, rerun)
+        for s, rerun in zip(sessions, reruns, strict=True)
+        if 1e-9 * (s.segment.end - bag.start) > start or len(sessions) == 1
+    }
 
 
 def _to_robot(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], Any]:
@@ -137,16 +180,24 @@ def _as_topics(bag: Bag, topics: str, start: float, rate: float) -> Callable[[],
     check_start(bag.info.duration, start)
 
     def make() -> Any:
-        from tripod_record.play_node import COMMANDING, TopicPlayer  # noqa: PLC0415
+        from tripod_record.play_node import COMMANDING, OF_EVERY_NODE, TopicPlayer  # noqa: PLC0415
 
         moving = () if topics else tuple(f"*/{name}" for name in COMMANDING)
         wanted = patterns(topics, "/") or ("/*",)
-        return TopicPlayer(bag, lambda t: is_selected(t, "/", wanted, moving), start=start, rate=rate)
+
+        def played(topic: str) -> bool:
+            return is_selected(topic, "/", wanted, (*OF_EVERY_NODE, *moving))
+
+        left = [t for t in bag.topics if not played(t) and is_selected(t, "/", wanted, ())]
+        if left:
+            print(
+                f"tripod bag play: not played: {printable(', '.join(left))}; these command robots, or every node "
+                "publishes them: name those that you want by --topics",
+                file=sys.stderr,
+            )
+        return TopicPlayer(bag, played, start=start, rate=rate)
 
     return make
-
-
-MAKERS = {To.SIM: _into_simulator, To.ROBOT: _to_robot, To.TOPICS: _as_topics}
 
 
 def check_start(duration: float, start: float) -> None:

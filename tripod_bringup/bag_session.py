@@ -1,5 +1,6 @@
 """A recorded session of the simulator: its scene, what its steps were made with, and the bodies to compare with."""
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -8,78 +9,98 @@ import numpy as np
 from tripod_graph import names
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
-from tripod_sim.rerun import Body, Commands, Rerun, Saved
-from tripod_sim.scene import Scene
+from tripod_record.segments import (
+    Segment,
+    chosen_segment,
+    command_rows,
+    read_segments,
+    segment_lines,
+    simulators,
+)
+from tripod_sim.rerun import STAMP_ERROR, Body, Commands, Rerun, Saved
 from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.simulation import Simulation
 
 
 @dataclass(frozen=True)
 class Session:
-    """What a recording holds of one simulator.
+    """What a recording holds of one simulator between two restarts or changes of its scene.
 
     Attributes:
         bag: The recording.
         namespace: Of the simulator, with a slash at its end.
-        scene: That was simulated.
+        segment: Which part of the recording it is.
     """
 
     bag: Bag
     namespace: str
-    scene: Scene
+    segment: Segment
 
     def rerun(self) -> Rerun:
         """Return what makes the steps again, with a new simulation. Raises SceneError, StepError."""
-        return Rerun(Simulation(self.scene), self._commands(), self._bodies())
+        return Rerun(Simulation(scene_from_toml(self.segment.scene)), self._commands(), self._bodies())
 
     def _commands(self) -> Iterator[Commands | Saved]:
         commands, checkpoint = self.namespace + names.COMMANDS, self.namespace + names.CHECKPOINT
+        first, last, number = self.segment.first, self.segment.last, 0
         for heard in self.bag.messages({commands, checkpoint}.__contains__):
-            message = self.bag.decoded(heard)
             if heard.topic == checkpoint:
-                yield Saved(bytes(message.data))
+                if first <= number <= last + 1:  # it may stand behind the commands that it precedes
+                    yield Saved(bytes(self.bag.decoded(heard).data))
                 continue
-            shape = tuple(dim.size for dim in message.layout.dim)
-            if len(shape) != 2 or shape[0] * shape[1] != len(message.data):
-                raise RecordError(f"{commands} holds what is no commands of a simulator")
-            yield Commands(np.asarray(message.data, dtype=np.float64).reshape(shape))
+            if first <= number <= last:
+                yield Commands(command_rows(self.bag, heard))
+            number += 1
 
     def _bodies(self) -> Iterator[Body]:
-        topic = self.namespace + names.BODY_STATE
+        topic, (before, last) = self.namespace + names.BODY_STATE, self.segment.stamps
         for heard in self.bag.messages(topic.__eq__):
             message = self.bag.decoded(heard)
-            stamp = message.header.stamp
-            positions = np.asarray(message.positions, dtype=np.float64)
-            yield Body(stamp.sec * 10**9 + stamp.nanosec, int(message.step), positions.reshape(-1, 3))
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            if before + STAMP_ERROR < stamp <= last + STAMP_ERROR:
+                positions = np.asarray(message.positions, dtype=np.float64)
+                yield Body(stamp, int(message.step), positions.reshape(-1, 3))
 
 
-def read_session(bag: Bag, wanted: Callable[[str], bool] = lambda _: True) -> Session:
-    """Return the session of the one simulator in a recording.
+def read_sessions(bag: Bag, wanted: Callable[[str], bool] = lambda _: True) -> list[Session]:
+    """Return the sessions of the one simulator in a recording, in their order.
 
     Args:
         bag: The recording.
-        wanted: Whether a topic counts, where it holds several.
+        wanted: Whether a topic counts, where it holds several simulators.
 
     Raises:
-        RecordError: it holds no session of a simulator, or several.
-        SceneError: its scene is not one of this version.
+        RecordError: it holds no session of a simulator, or several simulators.
     """
-    found = [t.removesuffix(names.SCENE) for t in bag.topics if t.endswith("/" + names.SCENE) and wanted(t)]
-    whole = [n for n in found if n + names.COMMANDS in bag.topics]
-    if not whole:
-        raise RecordError(
-            f"{bag.info.path} does not hold what the simulator was given ({names.SCENE} and {names.COMMANDS}): "
-            "it cannot be played into the simulator"
-        )
+    whole = [namespace for namespace in simulators(bag) if wanted(namespace + names.SCENE)]
     if len(whole) > 1:
         raise RecordError(
             f"{bag.info.path} holds {len(whole)} simulators, of {', '.join(whole)}: choose one by "
             f"--topics '{whole[0]}*'"
         )
-    scenes = dict.fromkeys(bag.decoded(heard).data for heard in bag.messages((whole[0] + names.SCENE).__eq__))
-    if len(scenes) > 1:
+    sessions = [Session(bag, name, segment) for name in whole for segment in read_segments(bag, name)]
+    if not sessions:
         raise RecordError(
-            f"{bag.info.path} holds {len(scenes)} scenes: the simulator was restarted with other settings in between, "
-            "so its steps cannot be made again; `tripod bag play --to topics` plays what was published"
+            f"{bag.info.path} does not hold what the simulator was given ({names.SCENE} and {names.COMMANDS}): "
+            "it cannot be played into the simulator"
         )
-    return Session(bag, whole[0], scene_from_toml(next(iter(scenes))))
+    return sessions
+
+
+def read_session(
+    command: str, bag: Bag, wanted: Callable[[str], bool] = lambda _: True, number: int | None = None
+) -> Session:
+    """Return the session of segment `number`; None: of the longest, which is told if there are others.
+
+    Raises RecordError as `read_sessions`, and if there is no such segment.
+    """
+    sessions = read_sessions(bag, wanted)
+    segments = [session.segment for session in sessions]
+    chosen = chosen_segment(bag, segments, number)
+    if number is None and len(sessions) > 1:
+        line = segment_lines(bag, segments)[chosen.number - 1]
+        print(
+            f"tripod bag {command}: {line}; it is the longest of {len(sessions)}: --segment N takes another",
+            file=sys.stderr,
+        )
+    return sessions[chosen.number - 1]

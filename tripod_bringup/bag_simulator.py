@@ -60,6 +60,11 @@ class SimPlayer(SimNode):
         """While paused: make one step."""
         self._physics.request_steps()
 
+    def close(self) -> None:
+        """End the physics and leave the graph: the simulator of the next segment may follow."""
+        super().close()
+        self.destroy_node()
+
     def _join_graph(self, simulation: Simulation) -> None:
         topic = self.resolve_topic_name(names.BODY_STATE)
         if found := publisher_elsewhere(self, [topic]):

@@ -45,8 +45,8 @@ DEAF = 1.0
 SOON = 1.0
 """Time within which a driver that runs is heard [s]."""
 
-NO_DRIVER = "start `tripod up` or `tripod driver`"
-"""What to do where no driver is heard."""
+NO_DRIVER = "start `tripod up`, `tripod driver` or `tripod sim`"
+"""What to do where neither driver nor simulator is heard."""
 
 MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
 SIMULATING = (SimStatus.RUNNING, SimStatus.HOLDING, SimStatus.PARKED)
@@ -97,7 +97,8 @@ class ReplayNode(Node):
             rate: Recorded time over time.
             name: Of the node where another is in this process, for whom `__node:=` is meant; "": `bag_play`, or
                 what `__node:=` names it.
-            simulated: Go by the simulator, whose slew rates [rad/s] these are, instead of by the driver.
+            simulated: Go by the simulator, whose slew rates [rad/s] these are, instead of by the driver. None: go by
+                the driver, or, if none is heard for `SOON`, by the simulator without such a limit.
         """
         # Arguments of a node go before those of its process.
         fixed = ["--ros-args", "-r", f"__node:={name}"] if name else None
@@ -117,12 +118,16 @@ class ReplayNode(Node):
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)
+        self._has_driver = False
         if simulated is None:
             self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_driver, RELIABLE)
-        else:
-            self.create_subscription(SimStatus, names.SIM_STATUS, self._on_simulator, RELIABLE)
-        joints = names.ROBOT_JOINT_STATES if simulated is None else names.SIM_JOINT_STATES
-        self.create_subscription(JointState, joints, self._on_joints, RELIABLE)
+            self.create_subscription(
+                JointState, names.ROBOT_JOINT_STATES, lambda m: self._on_joints(m, of_driver=True), RELIABLE
+            )
+        self.create_subscription(SimStatus, names.SIM_STATUS, self._on_simulator, RELIABLE)
+        self.create_subscription(
+            JointState, names.SIM_JOINT_STATES, lambda m: self._on_joints(m, of_driver=False), RELIABLE
+        )
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
@@ -138,7 +143,7 @@ class ReplayNode(Node):
         if self._ramp:
             return "going to the first pose"
         late = time.monotonic() - self._since > SOON
-        return f"waiting for a driver: {NO_DRIVER}" if late else "looking for a driver"
+        return f"waiting for a driver or a simulator: {NO_DRIVER}" if late else "looking for a driver"
 
     @property
     def place(self) -> float:
@@ -167,14 +172,22 @@ class ReplayNode(Node):
             self.get_logger().warning(str(error))
 
     def _on_driver(self, m: RobotStatus) -> None:
+        if not self._has_driver:
+            self._has_driver, self._here = True, None
+            if self._ramp is not None and not self.done:
+                self._end(
+                    "a driver has joined, and the motion was checked for the simulator alone: play it again"
+                )
         able, follows = m.state in MOVING, m.state == RobotStatus.ACTIVE
         why = f"the driver cannot move: {m.message or ('it holds' if able else 'no robot is connected')}"
         self._hear(able, follows, why, m.lower, m.upper, m.speed)
 
     def _on_simulator(self, m: SimStatus) -> None:
+        if self._has_driver or (self._simulated is None and time.monotonic() - self._since < SOON):
+            return
         able, follows = m.state in SIMULATING, m.state == SimStatus.RUNNING
         why = f"the simulator cannot move: {m.message or ('it holds' if able else 'it is paused')}"
-        self._hear(able, follows, why, m.lower, m.upper, self._simulated or ())
+        self._hear(able, follows, why, m.lower, m.upper, self._simulated or [math.inf] * len(m.lower))
 
     def _hear(self, able: bool, follows: bool, why: str, *bounds: Sequence[float]) -> None:
         self._follower = Follower(able, follows, why, *bounds)
@@ -183,7 +196,9 @@ class ReplayNode(Node):
         elif self._deaf_since is None:
             self._deaf_since = time.monotonic()
 
-    def _on_joints(self, message: JointState) -> None:
+    def _on_joints(self, message: JointState, *, of_driver: bool) -> None:
+        if of_driver != self._has_driver:
+            return
         angles = dict(zip(message.name, message.position, strict=False))
         here = np.array([angles.get(name, math.nan) for name in names.servo_names(self._path.servos)])
         if np.isfinite(here).all():
@@ -217,7 +232,7 @@ class ReplayNode(Node):
         follower = self._follower
         if follower is None or not follower.lower or self._commands.get_subscription_count() == 0:
             if now - self._since > PATIENCE:
-                self._end(f"no driver is heard in this graph: {NO_DRIVER}")
+                self._end(f"no driver and no simulator is heard in this graph: {NO_DRIVER}")
             return
         if not follower.able:
             self._end(follower.message)

@@ -1,5 +1,7 @@
 """A recording as a sequence of messages, decoded by the definitions that it carries itself: no ROS is needed."""
 
+import math
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,13 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
+from tripod_record.definitions import definition_text
 from tripod_record.errors import RecordError
 from tripod_record.info import BagInfo, printable, read_info
-from tripod_record.reading import NOT_CLOSED, Channel, Reader
+from tripod_record.reading import NO_SCHEMA, NOT_CLOSED, Channel, Reader
+
+IDL_HEAD = re.compile(r"^={80}\nIDL: .*\n", re.MULTILINE)
+"""What stands before each type of an IDL definition in an mcap file."""
+
+IDL_INCLUDE = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
+"""A line for the preprocessor: the included types follow in the same definition."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,7 @@ class Bag:
         info: What is in it.
         unread: What could not be read of it so far, one line for each place, and whether that was told.
         damaged: Whether any of that is damage, not only a file that ends too early.
+        span: Log times of the messages that are read: from the first on, before the second [ns].
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -47,6 +57,7 @@ class Bag:
         self.info: BagInfo = read_info(path)
         self.unread: dict[str, bool] = {}
         self.damaged = False
+        self.span = (-math.inf, math.inf)
         self._channels: dict[str, Channel] = {}
         self._decoders: dict[str, Callable[[bytes], Any]] = {}
 
@@ -71,7 +82,7 @@ class Bag:
                     if message.channel not in chosen:
                         chosen[message.channel] = wanted(channel.topic)
                         self._channels.setdefault(channel.topic, channel)
-                    if chosen[message.channel]:
+                    if chosen[message.channel] and self.span[0] <= message.log_time < self.span[1]:
                         yield Heard(channel.topic, message.log_time, message.data)
             finally:
                 self._note(reader)
@@ -106,6 +117,15 @@ class Bag:
             next(self.messages(topic.__eq__), None)
         return self._channels[topic]
 
+    def can_decode(self, topic: str) -> bool:
+        """Return whether the messages of a topic can be decoded; what cannot is noted in `unread`."""
+        try:
+            self._decoders.setdefault(topic, self._decoder(self.channel(topic)))
+        except RecordError as error:
+            self.unread.setdefault(str(error), False)
+            return False
+        return True
+
     def decoded(self, heard: Heard) -> Any:
         """Return a message with its fields as attributes, arrays of numbers as numpy arrays.
 
@@ -120,20 +140,61 @@ class Bag:
 
     @staticmethod
     def _decoder(channel: Channel) -> Callable[[bytes], Any]:
-        if channel.encoding != "cdr" or not channel.definition:
-            raise RecordError(f"topic {printable(channel.topic)} is not in the encoding of ROS 2")
-        try:
-            store = store_of(channel.type, channel.definition)
-        except RecordError as error:
-            raise RecordError(f"{error}; it is that of topic {printable(channel.topic)}") from None
+        store = recorded_types(channel)
         return lambda data: decoded(store, data, channel.type)
 
 
-def store_of(kind: str, definition: str) -> Typestore:
-    """Return what reads messages of the type `kind` by its definition; raises RecordError if that cannot be read."""
+def recorded_types(channel: Channel) -> Typestore:
+    """Return what reads the messages of a channel.
+
+    It goes by the recorded definition (.msg or IDL). Where none was recorded, as rosbag2 does for a type whose
+    definition it does not find, it goes by the installed type, or by that of ROS 2 Jazzy.
+
+    Raises:
+        RecordError: the topic is not one of ROS 2, or its definition is neither recorded nor installed, or cannot be
+            read.
+    """
+    topic, schema = printable(channel.topic), channel.schema
+    if channel.encoding != "cdr":
+        raise RecordError(
+            f"topic {topic} has messages in {printable(channel.encoding)!r}; ROS 2 writes 'cdr'"
+        )
+    if schema is NO_SCHEMA:
+        raise RecordError(f"topic {topic} was recorded without a message type")
+    if schema.encoding in ("ros2msg", "ros2idl"):
+        try:
+            return store_of(schema.name, schema.definition, schema.encoding)
+        except RecordError as error:
+            raise RecordError(f"{error}; it is that of topic {topic}") from None
+    if schema.definition:
+        raise RecordError(
+            f"topic {topic} has its definition in {printable(schema.encoding)!r}, not as .msg or IDL"
+        )
+    known = get_typestore(Stores.ROS2_JAZZY)
+    if schema.name in known.fielddefs:
+        return known
+    try:
+        return store_of(schema.name, definition_text(schema.name))
+    except RecordError as error:
+        raise RecordError(
+            f"the definition of topic {topic} was not recorded, and its {printable(str(error))}"
+        ) from None
+
+
+def store_of(kind: str, definition: str, encoding: str = "ros2msg") -> Typestore:
+    """Return what reads messages of the type `kind` by its definition, in .msg or, as "ros2idl", in IDL.
+
+    Raises RecordError if the definition cannot be read.
+    """
     store = get_typestore(Stores.EMPTY)
     try:
-        store.register(get_types_from_msg(definition, kind))
+        if encoding == "ros2idl":
+            for text in IDL_HEAD.split(IDL_INCLUDE.sub("", definition)):
+                if text.strip():
+                    store.register(get_types_from_idl(text))
+            store.fielddefs[kind]  # KeyError: it describes other types only
+        else:
+            store.register(get_types_from_msg(definition, kind))
     except (TypesysError, AssertionError, KeyError, ValueError) as error:
         what = f"the definition of {printable(kind)}"
         raise RecordError(f"{what} cannot be read: {printable(str(error))}") from None

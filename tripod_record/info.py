@@ -3,12 +3,13 @@
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from tripod_graph.names import SCENE
 from tripod_record.errors import RecordError
 from tripod_record.reading import Reader
 from tripod_record.summary import Summary, read_summary
@@ -207,10 +208,10 @@ def info_text(info: BagInfo) -> str:
     return "\n".join(lines) + "\n"
 
 
-def info_json(info: BagInfo) -> str:
-    """Return `info` as one JSON object, in the units of BagInfo, with the duration [s]."""
+def info_json(info: BagInfo, segments: Sequence[Mapping[str, Any]] = ()) -> str:
+    """Return `info` as one JSON object, in the units of BagInfo, with the duration [s] and the segments."""
     values: dict[str, Any] = asdict(info)
-    values["duration"] = info.duration
+    values["duration"], values["segments"] = info.duration, segments
     return json.dumps(values, indent=2) + "\n"
 
 
@@ -229,8 +230,33 @@ def info_command(path: Path, *, as_json: bool = False, check: bool = False) -> i
     except (RecordError, OSError) as error:
         print(f"tripod bag info: {printable(str(error))}", file=sys.stderr)
         return UNREADABLE
-    print(info_json(info) if as_json else info_text(info), end="")
+    segments = _segments(info)
+    if as_json:
+        print(info_json(info, segments), end="")
+    else:
+        print(info_text(info), end="")
+        if len(segments) > 1:
+            print("\n" + "\n".join(printable(one["line"]) for one in segments))
     return DAMAGED if info.damage or (check and info.truncated) else 0
+
+
+def _segments(info: BagInfo) -> list[dict[str, Any]]:
+    """Return the segments of each simulator; to find them, the recording is read where it holds several scenes."""
+    if not any(t.count > 1 and t.name.endswith(f"/{SCENE}") for t in info.topics):
+        return []
+    from tripod_record.bag import Bag  # noqa: PLC0415 - which reads what is in it by this module
+    from tripod_record.segments import read_segments, segment_lines, simulators  # noqa: PLC0415
+
+    bag, found = Bag(info.path), []
+    try:
+        for namespace in simulators(bag):
+            segments = read_segments(bag, namespace)
+            for one, line in zip(segments, segment_lines(bag, segments), strict=True):
+                place = {"start": one.start, "end": one.end, "steps": one.steps, "line": line}
+                found.append({"namespace": namespace, "number": one.number, **place})
+    except RecordError:
+        return []  # what it holds is told; that it is no session, whoever plays it is told
+    return found
 
 
 def _counted(reader: Reader) -> tuple[dict[int, int], int | None, int | None]:

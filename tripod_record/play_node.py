@@ -4,17 +4,20 @@ import re
 import time
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
+from rosbags.typesys.store import Typestore
 
 from tripod_graph.names import CONTROL_MODE, JOINT_TRAJECTORY, SIM_REQUEST, TARGET_POSE
 from tripod_graph.presence import publisher_elsewhere
 from tripod_graph.transport import Transport
-from tripod_record.bag import Bag, Heard, decoded, store_of
+from tripod_record.bag import Bag, Heard, decoded, recorded_types, store_of
 from tripod_record.definitions import SEPARATOR, definition_text, message_class
 from tripod_record.errors import RecordError
 from tripod_record.info import printable
@@ -28,6 +31,9 @@ DEPTH = 100
 
 Convert = Callable[[bytes | memoryview], bytes]
 """Turns a message as it was recorded into one of the type that is installed."""
+
+OF_EVERY_NODE = ("/rosout", "/parameter_events")
+"""Topics that every node publishes, the player itself, too: only played where they are named."""
 
 COMMANDING = (JOINT_TRAJECTORY, CONTROL_MODE, TARGET_POSE, SIM_REQUEST)
 """Topics that could move a robot, or ask a simulator for something: only played where they are named."""
@@ -93,7 +99,9 @@ class TopicPlayer(Node):
         return 1e-9 * (heard.log_time - self._bag.start)
 
     def _check_others(self) -> None:
-        if found := publisher_elsewhere(self, [t for t in self._topics if t not in ALWAYS]):
+        if found := publisher_elsewhere(
+            self, [t for t in self._topics if t not in ALWAYS and t not in OF_EVERY_NODE]
+        ):
             topic, who = found
             raise RecordError(
                 f"{who} publishes {printable(topic)} already, and two would mix: stop it, or choose other --topics"
@@ -103,7 +111,7 @@ class TopicPlayer(Node):
         channel = self._bag.channel(topic)
         try:
             kind = message_class(channel.type)
-            convert = conversion(channel.type, channel.definition)
+            convert = conversion(channel.type, recorded_types(channel))
             if convert is None:
                 raise RecordError(f"its type {printable(channel.type)} had other fields when it was recorded")
         except RecordError as error:
@@ -149,20 +157,20 @@ class TopicPlayer(Node):
             self.done = f"played {self._count} messages"
 
 
-def conversion(kind: str, definition: str) -> Convert | None:
-    """Return what turns a message of the `definition` that was recorded into one of the installed type `kind`.
+def conversion(kind: str, old: Typestore) -> Convert | None:
+    """Return what turns a message of the type `kind` as it was recorded (`old`) into one of the installed type.
 
     None where it had other fields. Fields that have been added since get their default value, if their definition
     names one: it says what is true of a message that does not tell.
 
-    Raises RecordError if either definition cannot be read.
+    Raises RecordError if the installed definition cannot be read.
     """
     text = definition_text(kind)
-    old, new = store_of(kind, definition), store_of(kind, text)
+    new = store_of(kind, text)
     if old.hash_rihs01(kind) == new.hash_rihs01(kind):
         return bytes
     was, fields = (dict(store.fielddefs[kind][1]) for store in (old, new))
-    parts = old.fielddefs.keys() - {kind}
+    parts = _parts(old, kind)
     same = all(part in new.fielddefs and old.hash_rihs01(part) == new.hash_rihs01(part) for part in parts)
     added = fields.keys() - was.keys()
     own = text.partition(SEPARATOR)[0]
@@ -177,6 +185,21 @@ def conversion(kind: str, definition: str) -> Convert | None:
         return bytes(new.serialize_cdr(new.types[kind](**values, **more), kind))
 
     return convert
+
+
+def _parts(store: Typestore, kind: str) -> set[str]:
+    """Return the names of the message types that the fields of type `kind` hold, at any depth."""
+    found: set[str] = set()
+    waiting: list[Any] = [fields for _, fields in store.fielddefs[kind][1]]
+    while waiting:
+        nodetype, what = waiting.pop()
+        if nodetype == Nodetype.NAME:
+            if what not in found:
+                found.add(what)
+                waiting += [fields for _, fields in store.fielddefs[what][1]]
+        elif nodetype in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            waiting.append(what[0])
+    return found
 
 
 def _has_default(text: str, name: str) -> bool:

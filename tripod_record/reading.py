@@ -47,24 +47,30 @@ class ExcessError(RecordError):
 
 @dataclass(frozen=True)
 class Schema:
-    """A message type: its name, the encoding of its definition and that itself."""
+    """A message type: its name, the encoding of its definition ("ros2msg", "ros2idl", "" for none) and that itself."""
 
     name: str
     encoding: str
     definition: str
 
 
+NO_SCHEMA = Schema("unknown", "", "")
+"""Of messages that were recorded without a type."""
+
+
 @dataclass(frozen=True)
 class Channel:
-    """A topic in a file: its name, type, encoding of its messages, rosbag2's text of the QoS offered, and the
-    definition of the type, empty if it is not one of ROS 2.
-    """
+    """A topic in a file: its full name, type, encoding of its messages and rosbag2's text of the QoS offered."""
 
     topic: str
-    type: str
+    schema: Schema
     encoding: str
     qos: str
-    definition: str = ""
+
+    @property
+    def type(self) -> str:
+        """Name of the message type."""
+        return self.schema.name
 
 
 @dataclass(frozen=True)
@@ -230,9 +236,9 @@ class Reader:
                 qos = value[: 2**14]
         if len(self.channels) >= CHANNEL_LIMIT and number not in self.channels:
             raise RecordError(f"more than {CHANNEL_LIMIT} channels")
-        kind = self._schemas.get(schema, Schema("unknown", "", ""))
-        definition = kind.definition if kind.encoding == "ros2msg" else ""
-        self.channels[number] = Channel(topic, kind.name, encoding, qos, definition)
+        if encoding == "cdr" and not topic.startswith("/"):
+            topic = f"/{topic}"  # a name that a node in the root namespace resolves so
+        self.channels[number] = Channel(topic, self._schemas.get(schema, NO_SCHEMA), encoding, qos)
 
     def _footer(self, fields: Fields, magic: bytes) -> None:
         if magic != MAGIC:

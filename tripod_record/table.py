@@ -21,6 +21,12 @@ SHOWN = (
 
 STAMP = "builtin_interfaces/msg/Time"
 
+FIELDLESS = "structure_needs_at_least_one_member"
+"""The one field of a message type without fields in CDR."""
+
+STEPS = 200
+"""Most calls of a progress function."""
+
 LABELS = ("name", "joint_names")
 """Fields that name the entries of the others."""
 
@@ -63,13 +69,37 @@ def is_shown(topic: str) -> bool:
     return any(topic.endswith(f"/{name}") for name in SHOWN)
 
 
-def read_series(bag: Bag, wanted: Callable[[str], bool] = is_shown) -> dict[str, Series]:
-    """Return the numbers of topics by name; a topic without any is left out. Raises RecordError."""
+def read_series(
+    bag: Bag,
+    wanted: Callable[[str], bool] = is_shown,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Series]:
+    """Return the numbers of topics by name.
+
+    A topic without any is left out, and so is one that cannot be decoded (`Bag.unread` says why). Of messages without
+    fields (std_msgs/Empty) the number is their `count` so far.
+
+    Args:
+        bag: The recording.
+        wanted: Which topics.
+        progress: Is called with the fraction done, 0 to 1.
+
+    Raises:
+        RecordError: a message is damaged.
+    """
     found: dict[str, _Growing] = {}
-    for heard in bag.messages(wanted):
+    readable = {topic for topic in bag.topics if wanted(topic) and bag.can_decode(topic)}
+    duration, shown = bag.info.duration, 0.0
+    for heard in bag.messages(readable.__contains__):
         time = 1e-9 * (heard.log_time - bag.start)
-        found.setdefault(heard.topic, _Growing()).add(time, numbers(bag.decoded(heard)))
-    series = {topic: growing.done() for topic, growing in sorted(found.items())}
+        growing = found.setdefault(heard.topic, _Growing())
+        message = bag.decoded(heard)
+        event = FIELDLESS in vars(message)
+        growing.add(time, iter([("count", len(growing.times) + 1.0)]) if event else numbers(message))
+        if progress and time >= shown + duration / STEPS:
+            shown = time
+            progress(min(1.0, time / duration))
+    series = {topic: one.done() for topic, one in sorted(found.items())}
     return {topic: s for topic, s in series.items() if s.values}
 
 

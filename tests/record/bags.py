@@ -1,8 +1,11 @@
 """Recordings for the tests of this directory, and the independent reader that judges them."""
 
 import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
+from mcap.writer import Writer
 from rosbags.rosbag2 import Reader as RosbagsReader
 
 from tripod_record.topic import Qos, Topic
@@ -51,3 +54,31 @@ def string_of(data: bytes) -> str:
     """Return the text of a std_msgs/msg/String as CDR; rclpy pads it at the end."""
     (size,) = struct.unpack_from("<I", data, 4)
     return data[8 : 8 + size - 1].decode()
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A topic as another program recorded it; `messages`: place [s] and CDR of each."""
+
+    topic: str
+    type: str
+    messages: Iterable[tuple[float, bytes]]
+    definition: str = "string data\n"
+    definition_encoding: str = "ros2msg"
+    encoding: str = "cdr"
+
+
+def write_foreign(path: Path, *topics: Foreign) -> Path:
+    """Write a recording with the `mcap` package, as other programs do, and return its path."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="other")
+        for one in topics:
+            text = one.definition.encode()
+            schema = writer.register_schema(one.type, one.definition_encoding, text) if one.type else 0
+            channel = writer.register_channel(one.topic, one.encoding, schema)
+            for place, data in one.messages:
+                stamp = START + round(1e9 * place)
+                writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
+    return path

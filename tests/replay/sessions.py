@@ -2,7 +2,7 @@
 
 import itertools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +15,6 @@ from tripod_record.writer import BagWriter
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.rerun import Ended
-from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Simulation
@@ -45,7 +44,6 @@ class Recorded:
     bodies: list[Snapshot] = field(default_factory=list)
     rows: list[np.ndarray] = field(default_factory=list)
     checkpoints: list[Checkpoint] = field(default_factory=list)
-    scenes: list[Scene] = field(default_factory=list)
 
 
 def run_session(
@@ -64,7 +62,7 @@ def run_session(
     that happens is up to the machine. Every so many steps the body is kept, and the journal taken.
     """
     simulation = Simulation(load_scene(scene, overrides))
-    found = Recorded(simulation, scenes=[simulation.scene])
+    found = Recorded(simulation)
     rng, count = np.random.default_rng(seed), itertools.count(1)
     asked: list[threading.Thread] = []
     joints, limits = simulation.command, joints_of(simulation.scene)
@@ -114,8 +112,13 @@ def run_session(
     return found
 
 
-def write_session(found: Recorded, directory: Path, *, first: int = 0, sync_every: int = 0) -> Path:
-    """Write a session as a recording that begins with the `first` batch of commands, and return its directory."""
+def write_session(
+    found: Recorded, directory: Path, *, first: int = 0, sync_every: int = 0, then: Sequence[Recorded] = ()
+) -> Path:
+    """Write a session as a recording that begins with the `first` batch of commands, and return its directory.
+
+    `then`: sessions of other simulators, later on the same topics.
+    """
     writer = BagWriter(directory)
     for topic, kind in (
         (names.SCENE, "std_msgs/msg/String"),
@@ -130,13 +133,23 @@ def write_session(found: Recorded, directory: Path, *, first: int = 0, sync_ever
     def write(topic: str, data: bytes, stamp: float) -> None:
         said.append((int(stamp), f"/{topic}", data))
 
-    begin = found.rows[0][0, 3]
+    for number, one in enumerate((found, *then)):
+        _say(one, write, 0 if number else first)
+    for stamp, topic, data in sorted(said, key=lambda one: one[0]):
+        writer.write(topic, bytes(data), stamp)
+        if sync_every and writer.messages % sync_every == 0:
+            writer.sync()
+    writer.close()
+    return directory
 
+
+def _say(found: Recorded, write: Callable[[str, bytes, float], None], first: int) -> None:
+    """Write what a simulator published: topic, data and stamp [ns] of each message."""
+    begin = found.rows[0][0, 3]
     T = STORE.types
     Dim, Layout = T["std_msgs/msg/MultiArrayDimension"], T["std_msgs/msg/MultiArrayLayout"]
-    for scene in found.scenes:
-        text = T["std_msgs/msg/String"](data=scene_to_toml(scene))
-        write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"), begin)
+    text = T["std_msgs/msg/String"](data=scene_to_toml(found.simulation.scene))
+    write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"), begin)
     for checkpoint in found.checkpoints:
         data = np.frombuffer(checkpoint_bytes(checkpoint), np.uint8)
         message = T["std_msgs/msg/UInt8MultiArray"](layout=Layout(dim=[], data_offset=0), data=data)
@@ -163,9 +176,3 @@ def write_session(found: Recorded, directory: Path, *, first: int = 0, sync_ever
             positions=found.simulation.shown(s.positions).ravel(),
         )
         write(names.BODY_STATE, bytes(store.serialize_cdr(message, "tripod_msgs/msg/BodyState")), s.stamp)
-    for stamp, topic, data in sorted(said, key=lambda one: one[0]):
-        writer.write(topic, bytes(data), stamp)
-        if sync_every and writer.messages % sync_every == 0:
-            writer.sync()
-    writer.close()
-    return directory

@@ -171,6 +171,32 @@ def test_a_page_is_made_of_the_session_simulated_again(
     line_naming(capfd.readouterr().err, "tripod bag html: ", "recorded", "step 7")
 
 
+def test_the_page_of_a_recording_with_several_segments_shows_the_longest_or_the_one_that_is_named(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    first = run_session("pendulum", (), steps=40, seed=1)
+    second = run_session("pendulum", ("springs.nodes=8",), steps=60, seed=1)
+    bag = write_session(first, tmp_path / "bag", then=(second,))
+    assert html_command(bag, tmp_path / "a.html", "") == 0
+    line_naming(capfd.readouterr().err, "segment 2", "60 steps", "springs.nodes = 8", 2, "--segment")
+    assert html_command(bag, tmp_path / "b.html", "", 1) == 0
+    assert not capfd.readouterr().err
+
+
+def test_numbers_of_a_segment_are_those_between_its_restart_and_the_next(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    first, second = (run_session("pendulum", (), steps=40, seed=1, every=10) for _ in range(2))
+    bag = write_session(first, tmp_path / "bag", then=(second,))
+    counts = []
+    for number in (None, 1, 2):
+        assert export_command(bag, tmp_path / "a.npz", "/sim/body_state", number) == 0
+        counts.append(len(np.load(tmp_path / "a.npz")["sim/body_state/step"]))
+    assert counts == [8, 4, 4]
+    assert export_command(bag, tmp_path / "a.npz", "", 3) == 2
+    assert_names(capfd.readouterr().err, "no segment 3", 2)
+
+
 @pytest.mark.parametrize(
     ("command", "out", "named"),
     [

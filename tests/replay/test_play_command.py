@@ -16,12 +16,23 @@ from tripod_bringup.bag_cli import To
 from tripod_bringup.bag_play import play_command
 from tripod_graph import names
 from tripod_record.bag import Bag
+from tripod_record.info import info_command
 
 pytestmark = pytest.mark.ros
 
 
-def play(file: Path, to: To = To.SIM, *, rate: float = 1.0, start: float = 0.0, topics: str = "") -> int:
-    return play_command(file, to=to, rate=rate, start=start, topics=topics, subnet=False, ros=())
+def play(
+    file: Path,
+    to: To = To.SIM,
+    *,
+    rate: float = 1.0,
+    start: float = 0.0,
+    topics: str = "",
+    segment: int | None = None,
+) -> int:
+    return play_command(
+        file, to=to, rate=rate, start=start, topics=topics, segment=segment, subnet=False, ros=()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +60,8 @@ def test_a_session_is_simulated_again_and_its_bodies_are_counted(
         ({"rate": float("inf"), "to": To.ROBOT}, ("--rate", "inf", "0.01 to 100")),
         ({"start": -1.0}, ("--start", "-1 s", "not be negative")),
         ({"start": 99.0}, ("--start", "99 s", "recording ends")),
+        ({"segment": 2}, ("/bag", "no segment 2", 1, "tripod bag info")),
+        ({"segment": 1, "to": To.TOPICS}, ("--segment", "--to sim", "--start")),
         ({"topics": "other/*"}, ("/bag", names.SCENE, names.COMMANDS)),
         ({"topics": "other/*", "to": To.ROBOT}, ("/bag", "no motion", names.ROBOT_JOINT_STATES)),
     ],
@@ -64,6 +77,27 @@ def test_what_cannot_be_played_is_refused_in_one_line(
     assert_names(err, *named)
     if options.get("to") is To.ROBOT and "rate" in options:
         assert err.count("inf") == 1  # to a robot it is not allowed
+
+
+def test_a_recording_with_a_simulator_that_was_started_again_has_a_verdict_for_each_segment(
+    tmp_path: Path, domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    first = run_session("tripod", ("mesh.level=1",), steps=30, seed=4)
+    second = run_session("tripod", ("mesh.level=1",), steps=50, seed=5)
+    second.bodies[1].positions[3, 0] += 1e-6
+    bag = write_session(first, tmp_path / "bag", then=(second,))
+    assert play(bag, rate=float("inf")) == 1
+    out, err = capfd.readouterr()
+    line_naming(out, "segment 1", "30 steps", "bit for bit")
+    line_naming(err, "segment 2", "50 steps", "differ", "node 3")
+    assert play(bag, rate=float("inf"), segment=1) == 0
+    out, err = capfd.readouterr()
+    line_naming(out, "segment 1", "bit for bit")
+    assert "segment 2" not in out + err
+    assert info_command(bag) == 0
+    out, _ = capfd.readouterr()
+    line_naming(out, "segment 2", "50 steps", "tripod")
 
 
 def test_beside_a_simulator_that_runs_it_is_refused_in_one_line(

@@ -96,8 +96,9 @@ class Simulator(Driver):
 
 
 class Graph:
-    def __init__(self, path: JointPath, **options: Any) -> None:
-        self.driver = Simulator() if "simulated" in options else Driver()
+    def __init__(self, path: JointPath, *, alone: bool = False, **options: Any) -> None:
+        """`alone`: the simulator without a driver."""
+        self.driver = Simulator() if alone or "simulated" in options else Driver()
         self.node = ReplayNode(path, **{"start": 0.0, "rate": 1.0, **options})
         self.executor = SingleThreadedExecutor()
         for node in (self.driver, self.node):
@@ -212,13 +213,32 @@ def test_what_the_simulator_cannot_do_is_refused(make, simulated, status, named)
     assert not graph.driver.asked
 
 
+def test_where_no_driver_is_heard_it_goes_by_the_simulator(make, clock: Clock) -> None:
+    path = motion()
+    graph = make(path, alone=True, start=2.0)
+    graph.until(lambda: graph.node.done)
+    assert not graph.node.failed
+    assert_names(graph.node.done, "1.00 s")
+    graph.until(lambda: np.allclose(graph.driver.here, path.at(3.0)[:3], rtol=0, atol=1e-9))
+
+
+def test_a_motion_for_the_simulator_ends_where_a_driver_joins(make, clock: Clock) -> None:
+    """Its range and speed were not checked for that driver."""
+    graph = make(JointPath(np.array([0.0, 60.0]), np.full((2, 3), -0.1), 3), alone=True)
+    graph.until(lambda: graph.node.place > 0.2)
+    Driver.say(graph.driver)
+    graph.until(lambda: graph.node.done)
+    assert graph.node.failed
+    assert_names(graph.node.done, "driver", "joined", "again")
+
+
 def test_without_a_driver_it_says_so_and_nothing_moves(make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(replay_node, "PATIENCE", 0.3)
     graph = make(motion(), start=2.0)
     end = time.monotonic() + DEADLINE
     while not graph.node.done and time.monotonic() < end:
         graph.executor.spin_once(timeout_sec=0.01)
-    assert_names(graph.node.done, "no driver", "tripod up", "tripod driver")
+    assert_names(graph.node.done, "no driver", "no simulator", "tripod up", "tripod driver")
     monkeypatch.setattr(replay_node, "SOON", 0.0)
     assert_names(graph.node.waiting, "waiting", "driver", "tripod up", "tripod driver")
     assert not graph.driver.asked

@@ -8,9 +8,8 @@ import pytest
 from tests.messages import assert_names, raises_naming
 from tests.replay.sessions import run_session, write_session
 from tests.tiers import sampled
-from tripod_bringup.bag_session import read_session
+from tripod_bringup.bag_session import Session, read_sessions
 from tripod_record.bag import Bag
-from tripod_record.errors import RecordError
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
 from tripod_sim.errors import SceneError
 from tripod_sim.rerun import Body, Commands, Ended, Outcome, Rerun, Saved
@@ -40,6 +39,11 @@ def made_again(rerun: Rerun) -> Outcome:
         rerun.compare()
 
 
+def session_of(bag: Bag) -> Session:
+    (session,) = read_sessions(bag)
+    return session
+
+
 LONG = [s for s in SESSIONS if s[0] in {"pile", "tripod_cloth", "two_cloths"} or "dt=auto" in s[1]]
 """Those that take the longest; others show the same effects."""
 
@@ -56,7 +60,7 @@ def test_a_session_made_again_is_the_recorded_one(
     at = {"reset_at": steps // 3, "checkpoint_at": 2 * steps // 3, "every": steps // 12}
     found = run_session(scene, overrides, steps=steps, seed=len(scene), **at)
     path = write_session(found, tmp_path / "whole")
-    outcome = made_again(read_session(Bag(path)).rerun())
+    outcome = made_again(session_of(Bag(path)).rerun())
     assert outcome.different == 0, outcome.parted
     assert (outcome.steps, outcome.lost, outcome.unknown) == (steps, 0, 0)
     assert outcome.equal == len(found.bodies)
@@ -66,7 +70,7 @@ def test_a_recording_that_begins_late_is_made_again_from_its_first_reset_or_chec
     tmp_path: Path,
 ) -> None:
     found = run_session("tripod", ("mesh.level=1",), steps=120, seed=1, checkpoint_at=60)
-    outcome = made_again(read_session(Bag(write_session(found, tmp_path / "late", first=1))).rerun())
+    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "late", first=1))).rerun())
     assert outcome.different == 0, outcome.parted
     begin, saved = int(found.rows[1][0, 1]), found.checkpoints[0].state.step
     assert 1 < begin <= saved
@@ -75,19 +79,28 @@ def test_a_recording_that_begins_late_is_made_again_from_its_first_reset_or_chec
     assert outcome.unknown == len(found.bodies) - outcome.equal
 
 
-def test_a_session_of_two_scenes_is_refused(tmp_path: Path) -> None:
-    """As where somebody chose another accuracy on the page while it was recorded."""
-    found = run_session("tripod", ("mesh.level=1",), steps=20, seed=9)
-    found.scenes.append(load_scene("tripod", ["mesh.level=1", "mesh.element=h8_modes"]))
-    with raises_naming(RecordError, tmp_path / "two", "2 scenes", "tripod bag play --to topics"):
-        read_session(Bag(write_session(found, tmp_path / "two")))
+def test_each_segment_of_a_recording_is_made_again_by_its_own_scene(tmp_path: Path) -> None:
+    """A simulator, then another accuracy chosen on the page, then the same killed and started again."""
+    first = run_session("tripod", ("mesh.level=1",), steps=30, seed=9, reset_at=20)
+    second = run_session("tripod", ("mesh.level=1", "mesh.element=h8_modes"), steps=20, seed=8)
+    third = run_session(
+        "tripod", ("mesh.level=1", "mesh.element=h8_modes"), steps=40, seed=7, checkpoint_at=20
+    )
+    bag = Bag(write_session(first, tmp_path / "three", then=(second, third)))
+    sessions = read_sessions(bag)
+    assert [one.segment.number for one in sessions] == [1, 2, 3]
+    for found, session in zip((first, second, third), sessions, strict=True):
+        outcome = made_again(session.rerun())
+        assert outcome.different == 0, outcome.parted
+        assert (outcome.equal, outcome.steps) == (len(found.bodies), session.segment.steps)
+        assert (outcome.lost, outcome.unknown) == (0, 0)
 
 
 def test_a_body_that_is_not_the_recorded_one_is_told_with_its_first_step(tmp_path: Path) -> None:
     found = run_session("tripod", ("mesh.level=1",), steps=40, seed=2)
     for snapshot in found.bodies[2:]:
         snapshot.positions[5, 1] = np.nextafter(snapshot.positions[5, 1], 1.0)
-    outcome = made_again(read_session(Bag(write_session(found, tmp_path / "changed"))).rerun())
+    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "changed"))).rerun())
     assert (outcome.equal, outcome.different) == (2, len(found.bodies) - 2)
     assert_names(outcome.parted, f"step {found.bodies[2].step}", "node 5")
     assert 0 < outcome.largest < 1e-16
@@ -96,7 +109,7 @@ def test_a_body_that_is_not_the_recorded_one_is_told_with_its_first_step(tmp_pat
 def test_commands_of_another_scene_are_refused(tmp_path: Path) -> None:
     found = run_session("tripod", ("mesh.level=1",), steps=10, seed=3)
     found.rows = [rows[:, :-1] for rows in found.rows]
-    rerun = read_session(Bag(write_session(found, tmp_path / "narrow"))).rerun()
+    rerun = session_of(Bag(write_session(found, tmp_path / "narrow"))).rerun()
     with raises_naming(SceneError, "'tripod'", "8 columns"):
         rerun.joints()
 

@@ -208,8 +208,12 @@ def test_a_recording_from_before_fields_were_added_is_played_with_their_default_
 def test_what_has_been_added_without_a_default_value_is_not_made_up(missing: str) -> None:
     pytest.importorskip("tripod_msgs.msg")
     kind = "tripod_msgs/msg/Compliance"
-    assert conversion(kind, earlier(kind, "mesh_error"))
-    assert conversion(kind, earlier(kind, f"{missing} ")) is None
-    assert conversion(kind, "float64 more\n" + definition_text(kind)) is None
-    assert conversion(kind, definition_text(kind).replace("float64 slide", "float32 slide")) is None
-    assert conversion(kind, earlier(kind, "mesh_error").replace("string frame_id", "string frame")) is None
+
+    def found(definition: str) -> Any:
+        return conversion(kind, store_of(kind, definition))
+
+    assert found(earlier(kind, "mesh_error"))
+    assert found(earlier(kind, f"{missing} ")) is None
+    assert found("float64 more\n" + definition_text(kind)) is None
+    assert found(definition_text(kind).replace("float64 slide", "float32 slide")) is None
+    assert found(earlier(kind, "mesh_error").replace("string frame_id", "string frame")) is None
