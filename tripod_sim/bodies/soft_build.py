@@ -88,7 +88,7 @@ def _body(
             body, size = replace(body, solid=solid), width_note(table.mesh.source, solid.nodes)
             if weighs and not size:  # in other units nothing is right
                 size = mass_note(_material(table), solid, body.field)
-            notes = (*size, *notes)
+            notes = (*size, *solid.notes, *notes)
     except SceneError as error:
         raise SceneError(f"{body.field}{error}") from None
     if table.position == (0.0, 0.0, 0.0) and table.orientation == HOME:

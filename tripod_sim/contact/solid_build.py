@@ -17,6 +17,7 @@ from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.mesh.solid_mesh import check_boundary
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
@@ -43,12 +44,18 @@ class Surface(NamedTuple):
 
 
 def surfaces(assembly: Assembly, contact: Contact) -> list[Surface]:
-    """Return what touches: bodies that are tied are one part, which does not touch itself unless all do."""
+    """Return what touches: bodies that are tied are one part, which does not touch itself unless all do.
+
+    Raises SceneError where the boundary of a solid is no surface.
+    """
     found = []
     for k, body in enumerate(assembly.bodies):
         if body.tied != k:
             continue
         together = [b for b in assembly.bodies if b.tied == k]
+        for b in together:
+            if b.solid and b.table.mesh:
+                check_boundary(b.solid, f"{b.field}mesh.source {b.table.mesh.source!r}")
         faces = np.concatenate([b.nodes[b.mesh.surface] for b in together])
         chains = [b.blocks for b in together if b.net and not len(b.net.triangles)]
         edges = np.concatenate([np.zeros((0, 2), dtype=np.int64), *chains])

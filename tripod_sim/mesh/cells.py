@@ -7,9 +7,6 @@ from tripod_host.arrays import FloatArray, IndexArray
 SIZES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27}
 """Nodes of the cells that elements are made of, by meshio's names."""
 
-FLAT = ("vertex", "line", "triangle", "quad", "polygon")
-"""How the names of cells without volume begin; they are left out."""
-
 
 @dataclass(frozen=True, eq=False)
 class Cells:
@@ -19,11 +16,17 @@ class Cells:
         points: Shape (n, 3), in the file's unit.
         volumes: Cells by kind, only those of `SIZES`: indices of points, shape (m, nodes of a cell), corners first in
             VTK order.
-        kinds: Names of all kinds of cells in the file, also those left out.
+        others: Names of all other kinds of cells in the file: those without a volume are left out.
+        solid: Those of `others` that have a volume.
+        skipped: How many cells there are of those of `others` that the reader does not know.
         groups: Points of each group of the file, by its name.
+        cell_groups: Cells of each group of the file that has some of `volumes`, by its name, numbered over these.
     """
 
     points: FloatArray
     volumes: dict[str, IndexArray] = field(default_factory=dict)
-    kinds: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
+    solid: tuple[str, ...] = ()
+    skipped: dict[str, int] = field(default_factory=dict)
     groups: dict[str, IndexArray] = field(default_factory=dict)
+    cell_groups: dict[str, IndexArray] = field(default_factory=dict)

@@ -1,6 +1,6 @@
 """From linear hexahedra or tetrahedra to other elements on the same cells."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -25,8 +25,10 @@ def convert(mesh: SolidMesh, name: str) -> SolidMesh:
     """
     kind = ELEMENTS[name]
     nodes, elements, groups = mesh.nodes, np.asarray(mesh.elements), dict(mesh.groups)
+    cell_groups = mesh.cell_groups
     if kind.corners == 4 < elements.shape[1]:
         elements = elements[:, _kuhn()].reshape(-1, 4)
+        cell_groups = divided_groups(cell_groups, len(_kuhn()))
         if len(SolidMesh(nodes, elements, ELEMENTS["t4"]).boundary) != 2 * len(mesh.boundary):
             raise SceneError(
                 f"mesh.element is {name!r}; hexahedra can be divided into tetrahedra only where the local axes of "
@@ -38,7 +40,12 @@ def convert(mesh: SolidMesh, name: str) -> SolidMesh:
         if kind.size == 27:
             nodes, elements = _add_centres(nodes, elements, quadratic_hexahedron.FACE_CENTRES, groups)
             nodes, elements = _add_centres(nodes, elements, (tuple(range(8)),), groups)
-    return SolidMesh(nodes, elements, kind, groups)
+    return SolidMesh(nodes, elements, kind, groups, cell_groups)
+
+
+def divided_groups(groups: Mapping[str, IndexArray], count: int) -> dict[str, IndexArray]:
+    """Return groups of elements of which each is divided into `count` that follow each other."""
+    return {name: (count * group[:, None] + np.arange(count)).ravel() for name, group in groups.items()}
 
 
 def _kuhn() -> IndexArray:

@@ -1,6 +1,7 @@
 """The mesh of a solid as a scene describes it."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
-from tripod_sim.tables.bodies import Mesh
+from tripod_sim.tables.bodies import AUTO, Mesh
 
 MOST_CELLS = 1_000_000
 """Of a mesh: what goes beyond fills the memory of most machines."""
@@ -16,7 +17,7 @@ MOST_CELLS = 1_000_000
 
 def described_mesh(description: Mesh) -> SolidMesh:
     """Return the mesh that a scene describes. Raises SceneError."""
-    kind = ELEMENTS[description.element]
+    kind, notes = ELEMENTS["h8_modes" if description.element == AUTO else description.element], ()
     if description.source == "y_piece":
         from tripod_sim.mesh.y_piece import LEVELS, YShape, divided, y_piece  # noqa: PLC0415 - only where it is described
 
@@ -31,7 +32,8 @@ def described_mesh(description: Mesh) -> SolidMesh:
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
 
-        mesh = read_solid(Path(description.source), description.scale, kind.name)
+        mesh = read_solid(Path(description.source), description.scale, description.element)
+        kind, notes = mesh.kind, mesh.notes
     else:
         raise SceneError(
             f"mesh.source is {description.source!r}; allowed: y_piece, block, or the path of a mesh file"
@@ -47,7 +49,7 @@ def described_mesh(description: Mesh) -> SolidMesh:
 
         mesh = refine(mesh)
     check_mesh(mesh, f"mesh.source {description.source!r}")
-    return mesh
+    return replace(mesh, notes=notes)
 
 
 def _check_count(cells: int, description: Mesh) -> None:

@@ -1,14 +1,26 @@
 """From the cells of a file to a mesh of the element that a scene asks for."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.elements.element import Element
+from tripod_sim.elements.element import Element, node_volumes
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.cells import FLAT, Cells
+from tripod_sim.mesh.cells import Cells
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, names_of
+from tripod_sim.tables.bodies import AUTO
+
+BEST = {
+    "hexahedron": "h8_modes",
+    "tetra": "t10",
+    "tetra10": "t10",
+    "hexahedron20": "h20",
+    "hexahedron27": "h27",
+}
+"""The element of each kind of cells where a scene names none."""
 
 LINEAR = {"hexahedron": "h8", "tetra": "t4"}
 """Cells that can be made into others, and their plainest element."""
@@ -21,10 +33,11 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
     """Return the mesh of the cells of a file; nodes that no element has are left out.
 
     Linear hexahedra become any element, linear tetrahedra T4 or T10; quadratic cells only the elements of their kind.
+    Cells that are all inside out are turned over.
 
     Args:
         cells: Of one file.
-        element: Name of the element, as in `elements.catalogue`.
+        element: Name of the element, as in `elements.catalogue`, or `auto`: that of `BEST`.
         scale: Length unit of the file [m].
         name: What messages call the file.
 
@@ -32,19 +45,30 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
         SceneError: no volume cells, several kinds of them, none that the element can be made of; cells that name points
             which the file does not have; points without three coordinates.
     """
-    solid = [k for k in cells.kinds if not k.startswith(FLAT)]
     volumes = {k: v for k, v in cells.volumes.items() if len(v)}
     if not volumes:
+        kinds = ", ".join([*cells.volumes, *cells.others]) or "none"
+        raise SceneError(f"mesh.source: {name} has no tetrahedra or hexahedra (cells: {kinds})")
+    if cells.solid:
         raise SceneError(
-            f"mesh.source: {name} has no tetrahedra or hexahedra (cells: {', '.join(cells.kinds) or 'none'})"
+            f"mesh.source: {name} has cells of which no element is made: {', '.join(cells.solid)}"
         )
-    if others := [k for k in solid if k not in volumes and k not in cells.volumes]:
-        raise SceneError(f"mesh.source: {name} has cells of which no element is made: {', '.join(others)}")
     if len(volumes) > 1:
         raise SceneError(
             f"mesh.source: {name} has several kinds of volume cells ({', '.join(sorted(volumes))}); one is needed"
         )
     ((cell, elements),) = volumes.items()
+    notes = list[str]()
+    if cells.skipped:
+        counts = ", ".join(f"{count} {kind}" for kind, count in cells.skipped.items())
+        notes.append(f"{name} has cells that are not read and left out, none with a volume: {counts}")
+    if element == AUTO:
+        element = BEST[cell]
+        if cell == "tetra":
+            notes.append(
+                f"mesh.element is not given: the tetrahedra of {name} become {element!r}, with a node in the middle of "
+                "each edge; 't4' has fewer unknowns, but bends too stiffly"
+            )
     points = _checked(cells.points, elements, name)
     fitting = [e.name for e in ELEMENTS.values() if e.cell == cell]
     makeable = [e.name for e in ELEMENTS.values() if _makeable(e, cell)]
@@ -57,8 +81,13 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
         nodes = points[used] * scale
     kind = ELEMENTS[element if element in fitting else LINEAR[cell]]
     groups = {group: np.flatnonzero(np.isin(used, members)) for group, members in cells.groups.items()}
-    mesh = SolidMesh(nodes, in_order(nodes, renumbered.reshape(elements.shape), kind), kind, groups)
-    return mesh if element in fitting else convert(mesh, element)
+    ordered = in_order(nodes, renumbered.reshape(elements.shape), kind)
+    if inside_out(nodes, ordered, kind):
+        ordered = ordered[:, mirrored(kind)]
+        notes.append(f"the nodes of all {len(ordered)} cells of {name} run the wrong way round: turned over")
+    mesh = SolidMesh(nodes, ordered, kind, groups, cells.cell_groups)
+    mesh = mesh if element in fitting else convert(mesh, element)
+    return replace(mesh, notes=tuple(notes))
 
 
 def _makeable(kind: Element, cell: str) -> bool:
@@ -75,6 +104,19 @@ def _checked(points: FloatArray, elements: IndexArray, name: str) -> FloatArray:
             f"mesh.source: {name}: elements {names_of(bad)} name nodes outside 0..{len(points) - 1}"
         )
     return points
+
+
+def inside_out(nodes: FloatArray, elements: IndexArray, kind: Element) -> bool:
+    """Return whether all elements (m, k) have a negative volume."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool((node_volumes(kind, nodes[elements])[0].sum(axis=1) < 0).all())
+
+
+def mirrored(kind: Element) -> list[int]:
+    """Return the nodes of an element in the order that turns it over: seen in a mirror, its cell is the same."""
+    x = kind.reference
+    seen = x[:, [1, 0, 2]] if kind.corners == 4 else x * [1, 1, -1]
+    return [int(np.argmin(np.linalg.norm(x - place, axis=1))) for place in seen]
 
 
 def in_order(nodes: FloatArray, elements: IndexArray, kind: Element) -> IndexArray:

@@ -20,10 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from tripod_host.arrays import IndexArray
-from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cells import SIZES, Cells
-from tripod_sim.mesh.lines import MAX_BYTES, numbered_lines, to_coordinates, to_integer, word
+from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
 
 TYPES = {
     "tetrahedra": {4: "tetra", 10: "tetra10"},
@@ -34,8 +33,13 @@ TYPES = {
     "quadrilateral": {4: "quad", 8: "quad8", 9: "quad9"},
     "linear": {2: "line", 3: "line3"},
     "point": {1: "vertex"},
+    "sphere": {1: "sphere"},
+    "circle": {1: "circle"},
 }
 """Names of cells by ElemType and Nnode."""
+
+ROUND = ("sphere", "circle")
+"""Cells that have further numbers, such as their radius."""
 
 
 def read_gid(path: Path, name: str) -> Cells:
@@ -49,15 +53,6 @@ def read_gid(path: Path, name: str) -> Cells:
         SceneError: not such a file; the message names the line and what is wrong with it.
     """
     return _Reader(path, name).cells()
-
-
-def looks_like_gid(path: Path) -> bool:
-    """Return whether the first line that is neither blank nor a comment begins with MESH. Raises OSError."""
-    with open_file(path, MAX_BYTES) as file:
-        for line in file.read(4096).splitlines():
-            if text := line.partition(b"#")[0].split():
-                return text[0].lower() == b"mesh"
-    return False
 
 
 class _Reader:
@@ -95,7 +90,10 @@ class _Reader:
         if not kind:
             raise SceneError(f"{self._name} has no line MESH dimension 3 ElemType ... Nnode ...")
         points = np.array(self._xyz, dtype=np.float64).reshape(-1, 3)
-        return Cells(points, self._resolved(), tuple(sorted(self._element_lines)))
+        others = tuple(sorted(set(self._element_lines) - set(SIZES)))
+        skipped = {kind: len(self._element_lines[kind]) for kind in ROUND if kind in others}
+        solid = tuple(kind for kind in others if kind.startswith(("wedge", "pyramid")))
+        return Cells(points, self._resolved(), others, solid, skipped)
 
     @property
     def _where(self) -> str:
@@ -156,7 +154,7 @@ class _Reader:
         self._xyz.extend(to_coordinates(tokens[1:], self._where))
 
     def _element(self, tokens: list[bytes], kind: str, size: int) -> None:
-        if len(tokens) not in (size + 1, size + 2):
+        if len(tokens) not in (size + 1, size + 2) and kind not in ROUND:
             raise SceneError(
                 f"{self._where}: an element needs its number, {size} nodes and perhaps a material, "
                 f"found {len(tokens)} words"

@@ -14,8 +14,9 @@ import numpy as np
 from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cells import SIZES, Cells
+from tripod_sim.mesh.file_format import format_of
 from tripod_sim.mesh.fit import fit_element
-from tripod_sim.mesh.gid import looks_like_gid, read_gid
+from tripod_sim.mesh.gid import read_gid
 from tripod_sim.mesh.lines import MAX_BYTES
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
@@ -30,9 +31,9 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
     `fit.fit_element`.
 
     Args:
-        path: GiD text (`.gidmsh`, or `.msh` that begins with MESH), or what meshio reads by the ending of the name.
+        path: GiD text, or what meshio reads; `format_of` tells which.
         scale: Length unit of the file [m].
-        element: Name of the element.
+        element: Name of the element, or `auto`.
 
     Raises:
         SceneError: no such file, not readable as a mesh, too large, or without cells of which the element is made.
@@ -40,10 +41,15 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
     name = repr(str(path))
     check_file(path, "mesh.source")
     try:
-        gid = path.suffix.lower() == ".gidmsh" or (path.suffix.lower() == ".msh" and looks_like_gid(path))
+        file_format = format_of(path)
     except OSError as error:
         raise SceneError(f"mesh.source: {name} cannot be read: {error.strerror}") from None
-    cells = read_gid(path, f"mesh.source: {name}") if gid else _read(path)
+    if file_format in ("obj", "stl"):
+        raise SceneError(
+            f"mesh.source: {name} has no tetrahedra or hexahedra: {file_format.upper()} files hold surfaces. Fill it "
+            "with cells first, for instance with gmsh; obstacles.source, rigid.source and springs.source take surfaces"
+        )
+    cells = read_gid(path, f"mesh.source: {name}") if file_format == "gid" else _read(path, file_format)
     return fit_element(cells, element, scale, name)
 
 
@@ -57,15 +63,15 @@ def check_file(path: Path, field: str) -> None:
         raise SceneError(f"{field}: file {str(path)!r} cannot be read: {error.strerror}") from None
 
 
-def _read(path: Path) -> Cells:
-    """Return what meshio reads. Raises SceneError."""
+def _read(path: Path, file_format: str) -> Cells:
+    """Return what meshio reads; the format is by its names, or empty. Raises SceneError."""
     if importlib.util.find_spec("meshio") is None:
         raise SceneError(
             "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
         )
     patience = math.ceil(PATIENCE + path.stat().st_size / 1e6)
     program = [sys.executable, "-P", str(Path(__file__).with_name("foreign.py")), str(path.absolute())]
-    program += [str(patience), *(f"{kind}={size}" for kind, size in SIZES.items())]
+    program += [file_format, str(patience), *(f"{kind}={size}" for kind, size in SIZES.items())]
     run = subprocess.run(
         program,
         stdin=subprocess.DEVNULL,
@@ -85,4 +91,14 @@ def _read(path: Path) -> Cells:
     with np.load(io.BytesIO(run.stdout), allow_pickle=False) as found:
         volumes = {kind: found[kind] for kind in SIZES if kind in found}
         groups = {name: found[f"group {i}"] for i, name in enumerate(found["groups"].tolist())}
-        return Cells(found["points"], volumes, tuple(found["kinds"].tolist()), groups)
+        cell_groups = {name: found[f"cells {i}"] for i, name in enumerate(groups)}
+        others, skipped = tuple(found["others"].tolist()), found["skipped"].tolist()
+        return Cells(
+            found["points"],
+            volumes,
+            others,
+            tuple(kind for kind, solid in zip(others, found["solid"].tolist(), strict=True) if solid),
+            {kind: count for kind, count in zip(others, skipped, strict=True) if count},
+            groups,
+            {name: cells for name, cells in cell_groups.items() if len(cells)},
+        )

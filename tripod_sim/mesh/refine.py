@@ -5,7 +5,7 @@ import numpy as np
 from tripod_host.arrays import IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
-from tripod_sim.mesh.convert import convert, right_handed
+from tripod_sim.mesh.convert import convert, divided_groups, right_handed
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3))
@@ -25,9 +25,9 @@ def refine(mesh: SolidMesh) -> SolidMesh:
     plain, full = ("t4", "t10") if kind.corners == 4 else ("h8", "h27")
     fine = convert(SolidMesh(nodes, corners, ELEMENTS[plain], groups), full)
     cells = np.asarray(fine.elements)[:, _tetrahedra() if kind.corners == 4 else _octants()]
-    return convert(
-        SolidMesh(fine.nodes, cells.reshape(-1, kind.corners), ELEMENTS[plain], fine.groups), kind.name
-    )
+    cell_groups = divided_groups(mesh.cell_groups, cells.shape[1])
+    cells = cells.reshape(-1, kind.corners)
+    return convert(SolidMesh(fine.nodes, cells, ELEMENTS[plain], fine.groups, cell_groups), kind.name)
 
 
 def _tetrahedra() -> IndexArray:

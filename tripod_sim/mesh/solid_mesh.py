@@ -40,12 +40,16 @@ class SolidMesh:
         elements: Node indices, shape (m, nodes of an element), in VTK order.
         kind: The element.
         groups: Nodes of each group of its file, by the group's name; a node made between nodes of a group is one of it.
+        cell_groups: Elements of each group of its file that names such cells, by the group's name.
+        notes: What users should know of how it was read, one sentence each.
     """
 
     nodes: FloatArray
     elements: IndexArray
     kind: Element = H8_MODES
     groups: Mapping[str, IndexArray] = field(default_factory=dict)
+    cell_groups: Mapping[str, IndexArray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, nodes=np.float64, elements=np.int64)
@@ -98,7 +102,7 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
     Raises:
         SceneError: no elements; positions not finite; node numbers out of range; unreferenced nodes; coincident nodes;
             elements inverted or without volume somewhere (scaled Jacobian not above 1e-6), or given twice; faces of
-            more than two elements; elements that touch along an edge only.
+            more than two elements.
     """
     _check(mesh.kind, mesh.nodes.tobytes(), mesh.elements.tobytes(), source)
 
@@ -132,18 +136,27 @@ def _check(kind: Element, of_nodes: bytes, of_elements: bytes, source: str) -> N
     )
     if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
         raise SceneError(f"{source}: elements {names_of(bad)} have the nodes of another element")
-    _check_boundary(mesh, source)
-
-
-def _check_boundary(mesh: SolidMesh, source: str) -> None:
     if len(mesh.overfull_faces):
         nodes = np.unique(mesh.overfull_faces[:, : mesh.kind.face_corners])
         raise SceneError(f"{source}: faces at nodes {names_of(nodes)} belong to more than two elements")
+
+
+def check_boundary(mesh: SolidMesh, source: str) -> None:
+    """Refuse a mesh whose boundary cannot touch anything: where elements share an edge only, it is no surface.
+
+    Args:
+        mesh: A mesh that `check_mesh` accepts.
+        source: Where it comes from, for the message.
+
+    Raises:
+        SceneError: elements touch along an edge only; the message names the nodes and what to do.
+    """
     edges, uses = edge_uses(mesh.boundary[:, : mesh.kind.face_corners])
     if (bad := edges[uses > 2]).size:
         raise SceneError(
-            f"{source}: the boundary is no surface at nodes {names_of(np.unique(bad))}: elements touch there along "
-            "an edge only"
+            f"{source}: contact needs a closed surface, but elements touch along an edge only at nodes "
+            f"{names_of(np.unique(bad))}: fill the gap there with elements, give each side nodes of its own, or leave "
+            "out [contact]"
         )
 
 

@@ -10,6 +10,10 @@ YOUNG, DENSITY = (1e3, 1e12), (10.0, 25e3)
 """What is usual: from jelly to diamond [Pa], from foam to osmium [kg/m³]."""
 
 
+AUTO = "auto"
+"""The element of a mesh where a scene names none."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Where the solid's mesh comes from.
@@ -17,13 +21,14 @@ class Mesh:
     Attributes:
         source: The generators `y_piece` and `block` (a brick, or what it becomes with other corners), or the path of a
             file with tetrahedra or hexahedra (relative to the scene's file): GiD text, gmsh, VTK, Abaqus and what else
-            meshio reads.
+            meshio reads; the content tells the format, whatever the name.
         level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
             8 to 11 for compliant clamps, whose bedded ends they divide, too; 12 (`h8_modes`) and 13 (`h20`) graded for
             them with as few unknowns as 1 % takes at rest; 14 (`h20`) as 0.5 % takes in motion.
         element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
             `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
-            tetrahedra `t4` and `t10`).
+            tetrahedra `t4` and `t10`). `auto`: the best that the cells allow without more of them, `h8_modes` of
+            linear hexahedra, `t10` of tetrahedra, `h20` and `h27` of hexahedra of as many nodes.
         scale: Length unit of a file or of `corners` [m]: 0.001 for millimetres.
         refine: How many times every edge is halved, so that each element becomes eight.
         legs: Strips of the piece, evenly about Z; the servos' `count` goes with it.
@@ -35,7 +40,7 @@ class Mesh:
     source: str = "y_piece"
     level: int = number(2, low=1, high=14)
     element: str = one_of(
-        "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes"
+        AUTO, "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default=AUTO
     )
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     refine: int = number(0, low=0, high=3)
