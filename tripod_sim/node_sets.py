@@ -1,11 +1,11 @@
-"""Sets of nodes: which nodes of the bodies the names of a scene mean."""
+"""Sets: which nodes, and of a solid which elements, the names of a scene mean."""
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.effects.fixed import Fixed
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.sets import NodeSet
@@ -23,6 +23,7 @@ class NodeSets:
         nodes: FloatArray,
         groups: Mapping[str, IndexArray],
         bodies: Mapping[str, IndexArray],
+        regions: Collection[str] = (),
     ) -> None:
         """Find the nodes of each table. Raises SceneError if one holds none, or has the name of another.
 
@@ -31,8 +32,10 @@ class NodeSets:
             nodes: Undeformed [m], shape (n, 3).
             groups: Of the mesh files, by name.
             bodies: Nodes of each body, by name.
+            regions: Names of the sets by which elements are chosen: those may hold no node.
         """
         self._nodes, self._groups, self._bodies = nodes, groups, bodies
+        self._empty = dict[str, SceneError]()
         self._found = {ALL: np.arange(len(nodes))} | {
             name: np.asarray(group) for name, group in groups.items()
         }
@@ -43,7 +46,13 @@ class NodeSets:
                     f"set.{i}.name is {shown(table.name)}; it must be a name of its own: not 'all', nor that of "
                     "another set, of a body, or of a group of the mesh"
                 )
-            self._found[table.name] = self.inside(table, f"set.{i} ({table.name!r})")
+            try:
+                self._found[table.name] = self.inside(table, f"set.{i} ({table.name!r})")
+            except SceneError as error:
+                if table.name not in regions:
+                    raise
+                self._found[table.name], self._empty[table.name] = np.zeros(0, dtype=np.int64), error
+        self._tables = {table.name: table for table in tables}
 
     def nodes(self, name: str, field: str) -> IndexArray:
         """Return the nodes of a set, ascending.
@@ -53,14 +62,57 @@ class NodeSets:
             field: Who asks, such as `load.0.set`, for messages.
 
         Raises:
+            SceneError: there is no such set or group, or it holds no node.
+        """
+        self._check_known(name, field)
+        if name in self._empty:
+            raise self._empty[name]
+        return self._found[name]
+
+    def elements(
+        self,
+        name: str,
+        field: str,
+        blocks: IndexArray,
+        shares: FloatArray,
+        cell_groups: Mapping[str, IndexArray],
+    ) -> IndexArray:
+        """Return the elements of a solid that are in a set, ascending; there may be none.
+
+        Of places those whose centroid is there, of a group of cells its cells, of a group of nodes, or of a body, those
+        whose nodes are all in it.
+
+        Args:
+            name: Of the set.
+            field: Who asks, for messages.
+            blocks: Nodes of each element, shape (m, k).
+            shares: Of each node in the volume of its element, shape (m, k): they weigh the nodes in the centroid.
+            cell_groups: Elements of groups of the mesh file, by the name that the group has here.
+
+        Raises:
             SceneError: there is no such set or group.
         """
+        self._check_known(name, field)
+
+        def of(group: str) -> BoolArray:
+            if group in cell_groups:
+                return np.isin(np.arange(len(blocks)), cell_groups[group])
+            return np.asarray(np.isin(blocks, self._found[group]).all(axis=1))
+
+        if not (table := self._tables.get(name)):
+            return np.flatnonzero(of(name))
+        chosen = _distance(table, np.einsum("ek,eki->ei", shares, self._nodes[blocks])) <= table.tolerance
+        for group in filter(None, (table.body, table.group)):
+            chosen &= of(group)
+        return np.flatnonzero(chosen)
+
+    def _check_known(self, name: str, field: str) -> None:
+        """Raise SceneError, which begins with `field`, if there is no set of that name."""
         if name not in self._found:
             near = difflib.get_close_matches(name, self._found, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             known = ", ".join(sorted(self._found))
             raise SceneError(f"{field} is {shown(name)}; sets and groups of the mesh: {known}{hint}")
-        return self._found[name]
 
     def held(self, table: Fixed, field: str) -> IndexArray:
         """Return the nodes of a fixed region: of its set, or in its box. Raises SceneError, which names `field`."""

@@ -51,7 +51,7 @@ class SoftBody:
     def among(self, nodes: FloatArray) -> SolidMesh:
         """Return the mesh of a solid in the numbering of all bodies, whose `nodes` are given [m], shape (n, 3)."""
         assert self.solid
-        return replace(self.solid, nodes=nodes, elements=self.blocks, groups={})
+        return replace(self.solid, nodes=nodes, elements=self.blocks, groups={}, cell_groups={})
 
     def moved(self, nodes: FloatArray) -> "SoftBody":
         """Return it with the places of its nodes taken from those of all bodies [m], shape (n, 3)."""
@@ -92,12 +92,16 @@ class Assembly:
     @property
     def groups(self) -> Mapping[str, IndexArray]:
         """Nodes of the groups of mesh files: of a first body by the group's name, of others by `body:group`."""
-        found = dict[str, IndexArray]()
-        for k, body in enumerate(self.bodies):
-            if body.solid:
-                before = f"{body.table.name}:" if k else ""
-                found |= {f"{before}{name}": body.nodes[group] for name, group in body.solid.groups.items()}
-        return found
+        return {
+            f"{self.before(body)}{name}": body.nodes[group]
+            for body in self.bodies
+            if body.solid
+            for name, group in body.solid.groups.items()
+        }
+
+    def before(self, body: SoftBody) -> str:
+        """Return what stands before the names of the groups of a body: nothing for the first."""
+        return "" if body is self.bodies[0] else f"{body.table.name}:"
 
     @cached_property
     def elements(self) -> IndexArray:

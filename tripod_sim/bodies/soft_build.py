@@ -68,7 +68,8 @@ def assembled(scene: Scene, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly
 
 def sets_of(scene: Scene, assembly: Assembly) -> NodeSets:
     """Return the sets of the scene's nodes."""
-    return NodeSets(scene.set, assembly.nodes, assembly.groups, assembly.named)
+    regions = {region.set for body in assembly.bodies for region in body.table.region}
+    return NodeSets(scene.set, assembly.nodes, assembly.groups, assembly.named, regions)
 
 
 def _body(
@@ -122,9 +123,9 @@ def masses(assembly: Assembly, sets: NodeSets, size: int) -> Masses:
         assert mesh
         volumes = node_volumes(mesh.kind, mesh.nodes[mesh.elements])
         volume = volumes[0].sum(axis=1)
-        density = _densities(body, sets, volume)
+        density = _densities(body, assembly, sets, volume)
         total = material.mass
-        if material.density or any(region.density for region, _ in _regions(body, sets)):
+        if material.density or any(region.density for region in body.table.region):
             total = float(density @ volume)
         for mass, parts in zip((load, inert), volumes, strict=True):
             own = np.zeros(len(mesh.nodes))
@@ -133,11 +134,11 @@ def masses(assembly: Assembly, sets: NodeSets, size: int) -> Masses:
     return Masses(load, inert)
 
 
-def _densities(body: SoftBody, sets: NodeSets, volume: FloatArray) -> FloatArray:
+def _densities(body: SoftBody, assembly: Assembly, sets: NodeSets, volume: FloatArray) -> FloatArray:
     """Return the density of each element of a body, whose `volume` is given [m³], all of shape (m,) [kg/m³]."""
     material = _material(body.table)
     density = np.full(len(volume), material.density or material.mass / volume.sum())
-    for region, elements in _regions(body, sets):
+    for region, elements in _regions(body, assembly, sets):
         if region.density:
             density[elements] = region.density
     return density
@@ -152,7 +153,8 @@ def element_masses(assembly: Assembly, sets: NodeSets) -> "list[ElementMasses]":
         from tripod_sim.forces.element_inertia import lacking  # noqa: PLC0415 - only with quadratic elements
 
         corners = mesh.nodes[mesh.elements]
-        density = _densities(body, sets, node_volumes(mesh.kind, corners)[0].sum(axis=1))
+        volume = node_volumes(mesh.kind, corners)[0].sum(axis=1)
+        density = _densities(body, assembly, sets, volume)
         found.append(lacking(mesh.kind, corners, body.blocks, density))
     return found
 
@@ -182,7 +184,7 @@ def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: 
         assert mesh
         of = np.zeros(len(mesh.elements), dtype=np.int64)
         parts: list[Material | Region] = [_material(body.table)]
-        for region, elements in _regions(body, sets):
+        for region, elements in _regions(body, assembly, sets):
             of[elements] = len(parts)
             parts.append(region)
         for k, part in enumerate(parts):
@@ -269,15 +271,21 @@ def _material(table: Body) -> Material:
     return table.material
 
 
-def _regions(body: SoftBody, sets: NodeSets) -> list[tuple[Region, IndexArray]]:
-    """Return the regions of a body, each with its elements. Raises SceneError where there are none."""
-    found = []
+def _regions(body: SoftBody, assembly: Assembly, sets: NodeSets) -> list[tuple[Region, IndexArray]]:
+    """Return the regions of a body of the assembly, each with its elements. Raises SceneError where there are none."""
+    found, mesh = list[tuple[Region, IndexArray]](), body.solid
+    if not (body.table.region and mesh):
+        return found
+    volumes = node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0]
+    shares = volumes / volumes.sum(axis=1, keepdims=True)
+    groups = {f"{assembly.before(body)}{name}": cells for name, cells in mesh.cell_groups.items()}
     for i, region in enumerate(body.table.region):
-        nodes = sets.nodes(region.set, f"{body.field}region.{i}.set")
-        elements = np.flatnonzero(np.isin(body.blocks, nodes).all(axis=1))
+        field = f"{body.field}region.{i}.set"
+        elements = sets.elements(region.set, field, body.blocks, shares, groups)
         if not elements.size:
             raise SceneError(
-                f"{body.field}region.{i}.set is {region.set!r}: its {len(nodes)} nodes hold no element of the body"
+                f"{field} is {region.set!r}: no element of the body is in it; of a place those count whose centroid is "
+                "there, of a group of nodes those with all nodes in it"
             )
         found.append((region, elements))
     return found

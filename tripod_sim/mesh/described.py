@@ -17,10 +17,11 @@ MOST_CELLS = 1_000_000
 
 def described_mesh(description: Mesh) -> SolidMesh:
     """Return the mesh that a scene describes. Raises SceneError."""
-    kind, notes = ELEMENTS["h8_modes" if description.element == AUTO else description.element], ()
+    notes = tuple[str, ...]()
     if description.source == "y_piece":
         from tripod_sim.mesh.y_piece import LEVELS, YShape, divided, y_piece  # noqa: PLC0415 - only where it is described
 
+        kind = ELEMENTS[description.element]
         level = divided(LEVELS[description.level], 2**description.refine)
         shape = YShape(legs=description.legs)
         mesh = y_piece(level, shape, kind) if kind.corners == 8 else y_piece(level, shape)
@@ -28,6 +29,7 @@ def described_mesh(description: Mesh) -> SolidMesh:
         from tripod_sim.mesh.block import block  # noqa: PLC0415 - only where it is described
 
         _check_count(math.prod(description.cells), description)
+        kind = ELEMENTS[description.element]
         mesh = block(description.scale * np.array(description.corners), description.cells)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
@@ -50,6 +52,14 @@ def described_mesh(description: Mesh) -> SolidMesh:
         mesh = refine(mesh)
     check_mesh(mesh, f"mesh.source {description.source!r}")
     return replace(mesh, notes=notes)
+
+
+def element_of(description: Mesh) -> str:
+    """Return the name of the element of a mesh; where none is given for a file, its cells decide.
+
+    Raises SceneError where the file cannot be read.
+    """
+    return described_mesh(description).kind.name if description.element == AUTO else description.element
 
 
 def _check_count(cells: int, description: Mesh) -> None:

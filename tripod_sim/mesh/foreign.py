@@ -187,8 +187,8 @@ def read_vtk_cells(skipped: Skipped) -> None:
     ) -> tuple[list[Any], dict[str, list[Any]]]:
         blocks, values = list[Any](), {name: list[Any]() for name in set.intersection(*map(set, data))}
         for point, part, own in zip(first, parts, data, strict=True):
-            arrays = (part[name].ravel() for name in ("connectivity", "offsets", "types"))
-            more, named = cells(*arrays, {name: own[name] for name in values})
+            connectivity, ends, types = (part[k].ravel() for k in ("connectivity", "offsets", "types"))
+            more, named = cells(connectivity, ends, types, {name: own[name] for name in values})
             for block in more:
                 block.data = block.data + point
             for name, rows in named.items():

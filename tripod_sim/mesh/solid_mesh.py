@@ -137,8 +137,8 @@ def _check(kind: Element, of_nodes: bytes, of_elements: bytes, source: str) -> N
     if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
         raise SceneError(f"{source}: elements {names_of(bad)} have the nodes of another element")
     if len(mesh.overfull_faces):
-        nodes = np.unique(mesh.overfull_faces[:, : mesh.kind.face_corners])
-        raise SceneError(f"{source}: faces at nodes {names_of(nodes)} belong to more than two elements")
+        bad = np.unique(mesh.overfull_faces[:, : mesh.kind.face_corners])
+        raise SceneError(f"{source}: faces at nodes {names_of(bad)} belong to more than two elements")
 
 
 def check_boundary(mesh: SolidMesh, source: str) -> None:

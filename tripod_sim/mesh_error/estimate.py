@@ -33,6 +33,7 @@ from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.report import MeshErrorReport
+from tripod_sim.mesh.described import element_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
 from tripod_sim.mesh_error.outside import Outside, alone, interpolate, interpolation
@@ -43,7 +44,7 @@ from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
 from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
-from tripod_sim.tables.bodies import Mesh
+from tripod_sim.tables.bodies import GENERATED, Mesh
 
 QUADRATIC = ("h20", "h20_full", "h27", "t10")
 """Elements whose error is told by half their edges."""
@@ -67,12 +68,12 @@ def finer(mesh: Mesh) -> Mesh:
     Y's levels below `GRADED` are too coarse at disc and clamp for that: they are held against quadratic hexahedra of
     that level.
     """
-    generated, quadratic = mesh.source in ("y_piece", "block"), mesh.element in QUADRATIC
+    generated, element = mesh.source in GENERATED, element_of(mesh)
     if mesh.source == "y_piece" and mesh.level < GRADED:
         return replace(mesh, element="h20", level=GRADED)
-    if quadratic:
-        return replace(mesh, element="h20" if generated else mesh.element, refine=mesh.refine + 1)
-    return replace(mesh, element="t10" if mesh.element == "t4" and not generated else "h20")
+    if element in QUADRATIC:
+        return replace(mesh, element="h20" if generated else element, refine=mesh.refine + 1)
+    return replace(mesh, element="t10" if element == "t4" and not generated else "h20")
 
 
 class MeshError:

@@ -10,8 +10,8 @@ YOUNG, DENSITY = (1e3, 1e12), (10.0, 25e3)
 """What is usual: from jelly to diamond [Pa], from foam to osmium [kg/m³]."""
 
 
-AUTO = "auto"
-"""The element of a mesh where a scene names none."""
+AUTO, GENERATED = "auto", {"y_piece": "h8_modes", "block": "h8_modes"}
+"""The element of a mesh where a scene names none, and which one that is of what each generator makes."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,11 @@ class Mesh:
     corners: tuple[tuple[float, float, float], ...] = number((), unit="m", low=-1e3, high=1e3)
     cells: tuple[int, int, int] = number((1, 1, 1), low=1, high=1000)
 
+    def __post_init__(self) -> None:
+        """Name the element of what a generator makes; that of a file is known when it is read."""
+        if self.element == AUTO:
+            object.__setattr__(self, "element", GENERATED.get(self.source, AUTO))
+
 
 @dataclass(frozen=True)
 class Material:
@@ -72,7 +77,10 @@ class Material:
 
 @dataclass(frozen=True)
 class Region:
-    """A part of a solid that is of another material: the elements whose nodes are all in a set.
+    """A part of a solid that is of another material: the elements in a set.
+
+    Of a set by places those are in it whose centroid is there, of a group of cells of the mesh file its cells, of a
+    group of nodes those whose nodes are all in it.
 
     Attributes:
         set: Name of the set; of elements in two regions the later one counts.

@@ -22,7 +22,7 @@ from tripod_sim.accuracy.studied import studied
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.described import described_mesh
+from tripod_sim.mesh.described import described_mesh, element_of
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
 from tripod_sim.scene_short import effector_of, joints_of
@@ -295,7 +295,7 @@ def _default(scene: Scene) -> dict[str, Value]:
     """Return the values of the knobs in the scene."""
     found: dict[str, Value] = {}
     if scene.mesh:
-        found |= {"mesh.element": scene.mesh.element, "mesh.refine": scene.mesh.refine}
+        found |= {"mesh.element": element_of(scene.mesh), "mesh.refine": scene.mesh.refine}
     if scene.inertia:
         found["inertia.scheme"] = scene.inertia.scheme if scene.inertia.scheme != "auto" else "implicit_euler"
     found["dt"] = scene.dt
@@ -355,7 +355,7 @@ def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) 
         for one in (default, best):
             points += grid(one, mesh__refine=list(finer), dt=steps[:2])
         if not quick:
-            points += grid(best, mesh__element=ELEMENTS.get(made.mesh.element, ()), dt=steps[1:3])
+            points += grid(best, mesh__element=ELEMENTS.get(str(default["mesh.element"]), ()), dt=steps[1:3])
     kept = [p for p in points if tries.takes(p.settings)]
     return points_of(default, kept, "the scene as it is")
 
