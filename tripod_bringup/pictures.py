@@ -81,14 +81,17 @@ class Pictures:
 
     def write(self, arrays: Arrays, progress: Callable[[float], None] | None = None) -> list[Path]:
         """Write them of the arrays of a run; return their paths. Raises PictureError."""
-        if not (self.wanted and len(arrays["time"])):
+        if not self.wanted:
             return []
         from tripod_view.player.film import FilmError  # noqa: PLC0415
         from tripod_view.player.of_run import film_of  # noqa: PLC0415
 
-        name, path = "film", Path()
         try:
             film = film_of(arrays)
+        except FilmError as error:
+            raise PictureError(str(error)) from None
+        name, path = "", Path()
+        try:
             for name, path in self.wanted.items():
                 if name == "html":
                     from tripod_view.player.html import write_html  # noqa: PLC0415
@@ -149,7 +152,8 @@ class ShownRun:
         stop.no_more(self._save)
         if self._film:
             self._film.finish()
-        return self._pictures.write(self._recording.arrays(), progress) if self._recording else []
+        made = self._recording and self._recording.count
+        return self._pictures.write(self._recording.arrays(), progress) if made else []
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Wait for the user, and close the page."""
@@ -161,7 +165,8 @@ class ShownRun:
 
     def _save(self) -> None:
         """Write what is made in a moment: the process is about to end."""
-        Pictures(html=self._pictures.html, plot=self._pictures.plot).write(self._recording.arrays())
+        if self._recording.count:
+            Pictures(html=self._pictures.html, plot=self._pictures.plot).write(self._recording.arrays())
 
 
 def serve_arrays(arrays: Arrays, command: str) -> None:

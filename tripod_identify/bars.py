@@ -309,7 +309,7 @@ def read_posterior(path: Path) -> Posterior:
         raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise DataError(
             f"{path} has no posterior: write it by `tripod identify ... --json > {path.name}`"
         ) from None

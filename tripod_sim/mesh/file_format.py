@@ -29,9 +29,6 @@ MARKS = (
 )
 """How files of each format begin, by meshio's names, and `gid`."""
 
-MARKED = frozenset(("vtk", "vtu", "gmsh", "abaqus"))
-"""Formats whose files all begin with their mark: without it the name of a file is wrong."""
-
 ENDINGS = {".gidmsh": "gid", ".obj": "obj", ".stl": "stl"}
 """Formats by the ending of a name, of those that meshio does not read or that have readers here."""
 

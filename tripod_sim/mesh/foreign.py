@@ -72,8 +72,16 @@ def reason(error: Exception, file_format: str) -> str:
         return str(error)
     if isinstance(error, KeyError) and file_format == "gmsh":  # the tables of cells alone are looked up there
         return f"it has cells of the kind {error.args[0]} of gmsh, which meshio does not know"
+    if (
+        isinstance(error, KeyError)
+        and file_format == "abaqus"
+        and isinstance(error.args[0], int | np.integer)
+    ):
+        return f"it is cut short or damaged: an element or a set names {error.args[0]}, which the file does not have"
     lacking = isinstance(error, MemoryError | ImportError | OSError)
-    return f"{type(error).__name__}: {error}" if lacking else BROKEN
+    if lacking:
+        return f"{type(error).__name__}: {error}"
+    return BROKEN if file_format else f"{BROKEN}, or is not in the format that its name says"
 
 
 def archive(path: str, file_format: str, wanted: list[str]) -> bytes:
@@ -127,11 +135,14 @@ def mesh_of(path: str, file_format: str, skipped: Skipped) -> Any:
         endings = "".join(Path(path).suffixes).lower().split(".")[1:]
         named = [f for i in range(len(endings)) for f in _named(".".join(["", *endings[i:]]))]
         formats = [name for name in named if name not in MARKED]
-        if not formats:
-            claim = (
-                f"it does not begin as files of {' or '.join(named)} do" if named else "its format is unknown"
+        if named and not formats:
+            raise meshio.ReadError(
+                f"its name says {' or '.join(named)}, but it does not begin as such files do"
             )
-            raise meshio.ReadError(f"{claim}: neither the first lines nor the name tell it")
+        if not formats:
+            raise meshio.ReadError(
+                "its format is unknown: neither its first lines nor the ending of its name tell it"
+            )
         file_format = formats[0]
     if file_format == "abaqus":
         return meshio.abaqus.read(abaqus_text(path, skipped))
@@ -267,7 +278,7 @@ def abaqus_text(path: str, skipped: Skipped) -> io.StringIO:
     for keyword, rows in _abaqus_blocks(path):
         name = keyword.partition(",")[0].replace(" ", "").upper()
         if name == "*NODE":
-            nodes += rows
+            nodes += [",".join(row.split(",")[:4]) for row in rows]  # no comma at the end, no normals
         elif name == "*ELEMENT" and (kind := _abaqus_parameter(keyword, "TYPE")):
             numbers, known = _abaqus_elements(rows), ""
             if numbers:

@@ -10,6 +10,9 @@ from tripod_sim.errors import SceneError, shown
 MAX_BYTES = 200_000_000
 """A mesh file larger than this is refused unread."""
 
+MOST_TRIANGLES = 20_000_000
+"""Triangles of a surface: a face of two bytes a word becomes 24 bytes a triangle."""
+
 LONGEST_LINE = 65536
 """Bytes of a line; longer ones are refused."""
 
@@ -36,6 +39,15 @@ def numbered_lines(path: Path, name: str) -> Iterator[tuple[int, bytes]]:
                 yield number, line
     except OSError as error:
         raise SceneError(f"{name} cannot be read: {error.strerror or error}") from None
+
+
+def check_count(triangles: int, most: int, name: str) -> None:
+    """Raise SceneError if a surface has more triangles than there may be; `name`: what messages call the file."""
+    if triangles > most:
+        raise SceneError(
+            f"{name}: the surface has more than {most} triangles, the most that fits here; reduce it first, for "
+            "instance with a decimation filter"
+        )
 
 
 def word(token: bytes) -> str:

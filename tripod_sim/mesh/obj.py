@@ -8,7 +8,14 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
+from tripod_sim.mesh.lines import (
+    MOST_TRIANGLES,
+    check_count,
+    numbered_lines,
+    to_coordinates,
+    to_integer,
+    word,
+)
 from tripod_sim.mesh.polygon import MOST_CORNERS, triangulate
 
 LEFT_OUT = frozenset(
@@ -16,14 +23,13 @@ LEFT_OUT = frozenset(
 )
 """Statements that say nothing about the shape of polygons."""
 
-MOST_TRIANGLES = 20_000_000
-"""Triangles of one file: a face of two bytes a word becomes 24 bytes a triangle."""
-
 MOST_WORDS = 100_000
 """Words of one statement, continued lines included."""
 
 
-def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[FloatArray, IndexArray]:
+def read_obj(
+    path: Path, name: str, owner: "array[int] | None" = None, most: int = MOST_TRIANGLES
+) -> tuple[FloatArray, IndexArray]:
     """Return the vertices (n, 3), in the file's unit, and the triangles (m, 3) of an OBJ file.
 
     Polygons are divided into triangles, convex ones from their first vertex. Negative numbers count back from the last
@@ -33,6 +39,7 @@ def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[
         path: The file.
         name: What messages call it.
         owner: Takes the number of the face that each triangle is part of.
+        most: Triangles of the file.
 
     Raises:
         SceneError: not such a file; the message names the line and what is wrong with it.
@@ -57,8 +64,7 @@ def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[
             if owner is not None:
                 owner.extend([faces] * (len(polygon) - 2))
             faces += 1
-            if len(corners) > 3 * MOST_TRIANGLES:
-                raise SceneError(f"{where}: more than {MOST_TRIANGLES} triangles")
+            check_count(len(corners) // 3, most, name)
         elif keyword not in LEFT_OUT:
             raise SceneError(f"{where}: {word(keyword)} is no OBJ statement for polygons")
     return np.array(xyz).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 3)

@@ -9,7 +9,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.lines import MAX_BYTES, numbered_lines, to_coordinates, word
+from tripod_sim.mesh.lines import MAX_BYTES, MOST_TRIANGLES, check_count, numbered_lines, to_coordinates, word
 
 HEADER = 80
 """Bytes before the number of triangles in a binary file."""
@@ -21,7 +21,7 @@ LOOP = ((b"outer", b"loop"), (b"vertex",), (b"vertex",), (b"vertex",), (b"endloo
 """How the lines of an ASCII facet begin, after the first."""
 
 
-def read_stl(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
+def read_stl(path: Path, name: str, most: int = MOST_TRIANGLES) -> tuple[FloatArray, IndexArray]:
     """Return the vertices (n, 3), in the file's unit, and the triangles (m, 3) of an STL file.
 
     A file is binary if its length is what its number of triangles asks for; else it must be ASCII, from `solid` on.
@@ -29,9 +29,10 @@ def read_stl(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
     Args:
         path: The file.
         name: What messages call it.
+        most: Triangles of the file.
 
     Raises:
-        SceneError: not such a file; the message says what is wrong, and in ASCII files in which line.
+        SceneError: not such a file, or too many triangles; the message says what is wrong, in ASCII files in which line.
     """
     try:
         with open_file(path, MAX_BYTES) as file:
@@ -40,13 +41,14 @@ def read_stl(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
             count = int.from_bytes(start[HEADER:], "little")
             expected = HEADER + 4 + count * RECORD.itemsize
             binary = len(start) == HEADER + 4 and size == expected
+            check_count(count if binary else 0, most, name)
             data = file.read(count * RECORD.itemsize) if binary else b""
     except OSError as error:
         raise SceneError(f"{name} cannot be read: {error.strerror or error}") from None
     if binary and len(data) == count * RECORD.itemsize:
         corners = np.frombuffer(data, RECORD)["corners"].reshape(-1, 3).astype(np.float64)
     elif start.lstrip()[:5].lower() == b"solid":
-        corners = _ascii(path, name)
+        corners = _ascii(path, name, most)
     else:
         claim = f"; a binary one of {count} triangles has {expected}" if len(start) == HEADER + 4 else ""
         raise SceneError(f"{name} is no STL file: it does not begin with 'solid' and has {size} bytes{claim}")
@@ -54,7 +56,7 @@ def read_stl(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
 
 
-def _ascii(path: Path, name: str) -> FloatArray:
+def _ascii(path: Path, name: str, most: int) -> FloatArray:
     """Return the corners of the facets of an ASCII file, shape (3 m, 3). Raises SceneError."""
     xyz = array("d")
     inside, stage, number = False, len(LOOP), 0
@@ -76,6 +78,7 @@ def _ascii(path: Path, name: str) -> FloatArray:
             inside = True
         elif inside and begins == [b"facet", b"normal"]:
             stage = 0
+            check_count(len(xyz) // 9 + 1, most, name)
         elif inside and begins[0] == b"endsolid":
             inside = False
         else:

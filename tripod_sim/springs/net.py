@@ -9,7 +9,7 @@ from tripod_host.arrays import IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
+from tripod_sim.springs.generate import MOST_NODES, Net, chain, grid, net_of_surface
 from tripod_sim.tables.bodies import Springs
 
 
@@ -50,7 +50,8 @@ def _net(description: Springs) -> Net:
         from tripod_sim.mesh.read_surface import read_surface  # noqa: PLC0415 - only where a file is named
 
         owner = array("q")
-        surface = read_surface(Path(description.source), description.scale, "springs.source", owner)
+        most = 2 * MOST_NODES  # a surface of triangles has about half as many nodes
+        surface = read_surface(Path(description.source), description.scale, "springs.source", owner, most)
         return net_of_surface(surface, np.array(owner, dtype=np.int64) if owner else None)
     raise SceneError(
         f"springs.source is {description.source!r}; allowed: chain, grid, or the path of an OBJ or STL file"

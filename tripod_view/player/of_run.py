@@ -55,8 +55,23 @@ def pictures(times: FloatArray, corners: int) -> NDArray[np.int64]:
     return np.unique(np.append(np.arange(0, count, stride), count - 1))
 
 
-MOVING = ("positions", "vertices", "energies", "effector", "angles", "torques", "slide", "ball", "rigid")
+STEPS = 0
+"""In `SHAPES`: as many as there are times."""
+
+SHAPES: Mapping[str, tuple[int | None, ...]] = {
+    "time": (STEPS,), "positions": (STEPS, None, 3), "vertices": (STEPS, None, 3), "energies": (STEPS, 3),
+    "effector": (STEPS, 7), "angles": (STEPS, None), "torques": (STEPS, None), "slide": (STEPS,), "ball": (STEPS, 7),
+    "rigid": (STEPS, None, 7), "triangles": (None, 3), "bodies": (None,), "arms": (None, 13),
+    "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
+    "maze_goal": (4,), "event_times": (None,),
+}  # fmt: skip
+"""Shapes of the arrays of numbers; None: any length."""
+
+MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name != "time")
 """Arrays that have a row for each time."""
+
+WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles")
+"""Arrays of whole numbers."""
 
 
 def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf) -> Film:
@@ -76,25 +91,21 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
             f"{', '.join(missing)}: not in this file; a recording that `tripod run --out` of this version has "
             "written is needed"
         )
+    _check_arrays(arrays)
     count = len(arrays["time"])
-    if other := [n for n in MOVING if n in arrays and len(arrays[n]) != count]:
-        raise FilmError(f"{', '.join(other)}: a film needs {count} rows, one for each time")
     shown = arrays["vertices"] if "vertices" in arrays else arrays["positions"]
     if steps is None:
         steps = pictures(arrays["time"], shown.shape[1])
     steps = np.asarray(steps)
     if steps.dtype.kind != "i" or not steps.size or steps.min() < 0 or steps.max() >= count:
         raise FilmError(f"steps: a film needs at least one, whole numbers from 0 to {count - 1}")
-    try:
-        scene = tomllib.loads(str(arrays["scene"]))
-    except tomllib.TOMLDecodeError as error:
-        raise FilmError(f"scene: a film needs the scene as TOML: {error}") from None
+    scene = _scene(str(arrays["scene"]))
+    dt = _number(scene, "dt", default=np.nan)
     times = np.asarray(arrays["time"], float)[steps]
     return Film(
         title=str(scene.get("name", "run")),
         description=str(scene.get("description", "")),
-        source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * float(scene.get('dt', np.nan)):.4g} ms; "
-        "no robot was moved.",
+        source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * dt:.4g} ms; no robot was moved.",
         times=times,
         bodies=tuple(_bodies(arrays, shown[steps], scene)),
         pieces=tuple(_pieces(arrays, steps, scene)),
@@ -103,11 +114,72 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
     )
 
 
+def _check_arrays(arrays: Arrays) -> None:
+    """Raise FilmError, which names the array, unless all are of the shapes that a run writes, and in range."""
+    count = len(arrays["time"]) if np.ndim(arrays["time"]) else 0
+    for name, shape in SHAPES.items():
+        if name not in arrays:
+            continue
+        array, rows = arrays[name], shape[0] == STEPS
+        kinds = "iu" if name in WHOLE else "fiu"
+        fits = len(array.shape) == len(shape) and array.dtype.kind in kinds
+        if fits and rows and len(array) != count:
+            raise FilmError(f"{name}: a film needs {count} rows, one for each time")
+        if not fits or any(n not in (None, m) for n, m in zip(shape[rows:], array.shape[rows:], strict=True)):
+            wanted = ", ".join("any" if n is None else "steps" if n == STEPS else str(n) for n in shape)
+            raise FilmError(
+                f"{name}: it is of shape {array.shape} and kind {array.dtype}; shape ({wanted}) is needed"
+            )
+        if name not in MOVING and not np.isfinite(array).all():
+            raise FilmError(f"{name}: a film needs finite numbers")
+    nodes = (arrays["vertices"] if "vertices" in arrays else arrays["positions"]).shape[1]
+    triangles, bodies = arrays["triangles"], arrays["bodies"]
+    if (bad := np.flatnonzero(((triangles < 0) | (triangles >= nodes)).any(axis=1))).size:
+        raise FilmError(f"triangles: number {bad[0]} names nodes outside 0 to {nodes - 1}")
+    if (bodies < 0).any() or bodies.sum() > nodes:
+        raise FilmError(f"bodies: they have {bodies.tolist()[:8]} nodes; there are {nodes}")
+    texts = arrays.get("event_texts", np.zeros(0))
+    if len(np.shape(texts)) != 1 or len(texts) != len(arrays.get("event_times", ())):
+        raise FilmError("event_texts: a film needs one for each of event_times")
+
+
+def _scene(text: str) -> dict[str, Any]:
+    """Return the tables of a scene. Raises FilmError."""
+    try:
+        scene = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FilmError(f"scene: a film needs the scene as TOML: {error}") from None
+    for name in ("body", "rigid"):
+        if not all(isinstance(part, dict) for part in scene.setdefault(name, [])):
+            raise FilmError(f"scene: {name} must be a list of tables")
+    return scene
+
+
+def _number(table: Any, *keys: str | int, default: float | None = None) -> float:
+    """Return the number that keys name in tables and lists; without a default it must be there. Raises FilmError."""
+    value = _entry(table, *keys)
+    if value is None and default is not None:
+        return default
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise FilmError(f"scene: {'.'.join(map(str, keys))} is {value!r}; a film needs a finite number")
+    return value
+
+
+def _entry(table: Any, *keys: str | int) -> Any:
+    """Return what keys name in tables and lists; None where there is no such entry."""
+    for key in keys:
+        there = key in table if isinstance(table, dict) else isinstance(table, list) and len(table) > int(key)
+        if not there:
+            return None
+        table = table[key]
+    return table
+
+
 def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list[Deforming]:
     """Return soft and rigid bodies, each with the triangles that have corners of it."""
     soft = [("silicone", SILICONE)] if "mesh" in scene else []
     soft += [("springs", CLOTH)] if "springs" in scene else []
-    soft += [(str(b["name"]), CLOTH if "springs" in b else SILICONE) for b in scene.get("body", [])]
+    soft += [(str(b.get("name")), CLOTH if "springs" in b else SILICONE) for b in scene["body"]]
     kinds = [kind for _, kind in soft]
     soft = [(name, shade(kind, kinds[:i].count(kind))) for i, (name, kind) in enumerate(soft)]
     rigid = max(1, len(soft))  # none is told as a soft body of 0 nodes
@@ -115,7 +187,7 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     first = np.cumsum([0, *np.asarray(arrays["bodies"]).tolist()])
     for i, (low, high) in enumerate(pairwise(first.tolist())):
         k = i - rigid
-        if low == high or k == len(scene.get("rigid", ())):  # the ball is a piece of its own
+        if low == high or k == len(scene["rigid"]):  # the ball is a piece of its own
             continue
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
         name, colour = soft[i] if k < 0 else (f"rigid.{k}", RIGID[k % len(RIGID)])
@@ -128,7 +200,9 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     found: list[Piece] = []
     if "arms" in arrays:
         stands = [_stand(row) for row in np.asarray(arrays["arms"], float)]
-        found += robot_pieces(arrays["angles"][steps], arrays["slide"][steps], stands, ArmGeometry())
+        if (angles := arrays["angles"][steps]).shape[1] != len(stands):
+            raise FilmError(f"arms: {len(stands)} rows; there are angles of {angles.shape[1]} servos")
+        found += robot_pieces(angles, arrays["slide"][steps], stands, ArmGeometry())
     poses = arrays["effector"][steps] if "effector" in arrays else None
     if poses is not None and "maze_vertices" in arrays:
         found.append(Piece("maze", arrays["maze_triangles"], arrays["maze_vertices"], MAZE, poses))
@@ -139,7 +213,9 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     elif poses is not None:
         found.append(effector_piece(_effector_shape(scene), poses))
     if "ball" in arrays:
-        for (vertices, triangles), colour in zip(ball(scene["ball"]["radius"]), (BALL, BELT), strict=True):
+        for (vertices, triangles), colour in zip(
+            ball(_number(scene, "ball", "radius")), (BALL, BELT), strict=True
+        ):
             found.append(Piece("ball", triangles, vertices, colour, arrays["ball"][steps]))
     if "still_vertices" in arrays:
         found.append(Piece("obstacles", arrays["still_triangles"], arrays["still_vertices"], OBSTACLE))
@@ -147,16 +223,15 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
 
 
 def _stand(row: FloatArray) -> Stand:
-    if row.shape != (13,):
-        raise FilmError(f"arms: a row has shape {row.shape}; a servo has 13 numbers")
     numbers = row.tolist()
     return Stand(tuple(numbers[:3]), tuple(numbers[3:7]), tuple(numbers[7:10]), *numbers[10:])
 
 
 def _effector_shape(scene: Mapping[str, Any]) -> Shape:
     """Return what the scene's effector looks like: its first disc, or where there is none, its first platform's box."""
-    discs = [part["effector"] for part in (scene, *scene.get("body", [])) if "effector" in part]
-    return disc(discs[0]["radius"], DISC_HEIGHT) if discs else box(scene["platform"][0]["size"])
+    if discs := [part for part in (scene, *scene["body"]) if "effector" in part]:
+        return disc(_number(discs[0], "effector", "radius"), DISC_HEIGHT)
+    return box([_number(scene, "platform", 0, "size", axis) for axis in range(3)])
 
 
 def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Curve]:
@@ -165,13 +240,13 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     if "angles" in arrays and arrays["angles"].shape[1]:
         servos = tuple(f"servo {i}" for i in range(arrays["angles"].shape[1]))
         found.append(Curve("servo angles", "degrees", servos, np.degrees(arrays["angles"][steps])))
-        stall = scene.get("servo_dynamics", {}).get("stall_torque")
+        stall = _number(scene, "servo_dynamics", "stall_torque", default=0.0)
         limits = (stall, -stall) if stall else ()
         found.append(Curve("servo torques", "N m", servos, arrays["torques"][steps], limits))
     if "effector" in arrays:
-        found.append(Curve("effector", "mm", ("x", "y", "z"), 1e3 * arrays["effector"][steps, :3]))
+        found.append(Curve("effector", "mm", ("x", "y", "z"), 1e3 * arrays["effector"][steps][:, :3]))
     if "rigid" in arrays:
-        heights = 1e3 * arrays["rigid"][steps, :, 2]
+        heights = 1e3 * arrays["rigid"][steps][:, :, 2]
         names = tuple(f"rigid.{i}" for i in range(heights.shape[1]))
         found.append(Curve("heights", "mm", names, heights))
     if "energies" in arrays:
