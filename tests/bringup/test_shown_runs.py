@@ -20,7 +20,7 @@ from tripod_sim import SceneError, Simulation, load_scene, scene_names
 from tripod_sim.recording import Recording
 from tripod_sim.scene_short import effector_of, joints_of
 from tripod_view.player.html import write_html
-from tripod_view.player.of_run import SILICONE, film_of
+from tripod_view.player.of_run import MOVING, SILICONE, film_of
 
 SHORT = ["run", "pendulum", "--duration", "0.1"]
 PATIENCE = 300
@@ -142,6 +142,23 @@ def test_what_cannot_be_shown_is_told(content: bytes | None, named: tuple[str, .
     assert result.exit_code == 2
     assert_names(result.output, "tripod show: ", path, *named)
     assert result.output.count("\n") == 1
+
+
+@pytest.mark.parametrize("page", [True, False])
+def test_a_recording_without_times_or_steps_is_told(page: bool, tmp_path: Path) -> None:
+    out, options = tmp_path / "run.npz", ["--html", str(tmp_path / "run.html")] if page else []
+    assert tripod(*SHORT, "--out", str(out)).exit_code == 0
+    whole = dict(np.load(out))
+    for count, named in ((None, ("time", "tripod run --out")), (0, ("time", "at least one step"))):
+        found = {k: a[:count] if k in (*MOVING, "time") else a for k, a in whole.items()}
+        if count is None:
+            del found["time"]
+        np.savez(out, **found)
+        result = tripod("show", str(out), *options)
+        assert result.exit_code == 2
+        assert_names(result.output, "tripod show: ", *named)
+        assert result.output.count("\n") == 1
+    assert not (tmp_path / "run.html").exists()
 
 
 def viewed(words: list[str]) -> tuple[subprocess.Popen[str], str]:

@@ -183,6 +183,11 @@ def test_another_scene_and_a_broken_file_are_refused(tmp_path: Path) -> None:
     for text, named in (
         ("{}", ("no posterior", "--json > robot.json")),
         ("no json", ("no posterior", "--json > robot.json")),
+        ('{"posterior": ' + "[" * 100_000, ("no posterior", "--json > robot.json")),
+        (
+            json.dumps({"posterior": as_json(known) | {"noise": json.loads("[" * 500 + "]" * 500)}}),
+            ("tripod identify --json",),
+        ),
         ('{"posterior": {}}', ("tripod identify --json",)),
         (json.dumps({"posterior": as_json(known) | {"noise": [[1.0]]}}), ("tripod identify --json",)),
         (

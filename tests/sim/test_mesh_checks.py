@@ -10,19 +10,23 @@ import pytest
 from tests.messages import assert_names, lines_naming, raises_naming
 from tripod_sim import Simulation
 from tripod_sim.build import build
+from tripod_sim.effects.contact import Contact
 from tripod_sim.effects.fixed import Fixed
+from tripod_sim.effects.gravity import Gravity
 from tripod_sim.effects.inertia import Inertia
+from tripod_sim.effects.load import Load
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import solid_mesh
 from tripod_sim.mesh.convert import convert
-from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh, element_quality
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_boundary, check_held, check_mesh, element_quality
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.tables.bodies import Material
 from tripod_sim.tables.bodies import Mesh as SceneMesh
+from tripod_sim.tables.sets import NodeSet
 
 BRICK = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float
@@ -110,19 +114,59 @@ def test_parts_are_those_of_a_search(seed: int) -> None:
         assert label[start] == min(seen)
 
 
-def test_elements_that_touch_along_an_edge_only_are_refused_with_its_nodes() -> None:
-    mesh = bricks((0, 0, 0), (1, 1, 0))
-    shared = [int(np.flatnonzero((mesh.nodes == [1, 1, z]).all(axis=1))[0]) for z in (0, 1)]
-    assert_names(refusal(mesh), "the mesh", f"nodes {shared[0]}, {shared[1]}", "an edge only")
-    check_mesh(bricks((0, 0, 0), (1, 1, 0), (1, 0, 0)), "with the gap filled")
-    check_mesh(bricks((0, 0, 0), (1, 1, 1)), "touching in one node")
+HINGED = bricks((0, 0, 0), (1, 1, 0))
+
+
+def test_elements_that_touch_along_an_edge_only_have_no_surface_for_contact() -> None:
+    shared = [int(np.flatnonzero((HINGED.nodes == [1, 1, z]).all(axis=1))[0]) for z in (0, 1)]
+    check_mesh(HINGED, "a mesh")
+    with raises_naming(SceneError, "the mesh", f"nodes {shared[0]}, {shared[1]}", "contact", "fill the gap"):
+        check_boundary(HINGED, "the mesh")
+    check_boundary(bricks((0, 0, 0), (1, 1, 0), (1, 0, 0)), "with the gap filled")
+    check_boundary(bricks((0, 0, 0), (1, 1, 1)), "touching in one node")
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_every_element_knows_its_edges(name: str) -> None:
-    assert_names(refusal(convert(bricks((0, 0, 0), (1, 1, 0)), name)), "nodes", "an edge only")
+    with raises_naming(SceneError, "nodes", "an edge only"):
+        check_boundary(convert(HINGED, name), "the mesh")
     ring = [(x, y, 0) for x in range(3) for y in range(3) if (x, y) != (1, 1)]
-    check_mesh(convert(bricks(*ring), name), "ring")
+    check_boundary(convert(bricks(*ring), name), "ring")
+
+
+def hinged(folder: Path, **more: object) -> Scene:
+    """Return a scene of two bricks that share an edge, or a node."""
+    mesh = more.pop("mesh", HINGED)
+    assert isinstance(mesh, SolidMesh)
+    meshio.write(folder / "two.vtu", meshio.Mesh(mesh.nodes, [("hexahedron", mesh.elements)]))
+    described = SceneMesh(str(folder / "two.vtu"))
+    return Scene("two", described, Material(density=1000.0), **{"inertia": Inertia(), **more})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mesh", [HINGED, bricks((0, 0, 0), (1, 1, 1))])
+def test_a_mesh_whose_elements_share_an_edge_or_a_node_only_moves(mesh: SolidMesh, tmp_path: Path) -> None:
+    """It falls as one: implicit Euler's steps add up to g dt² n (n + 1) / 2."""
+    simulation = Simulation(hinged(tmp_path, mesh=mesh, gravity=Gravity((0.0, 0.0, -10.0)), dt=0.01))
+    for _ in range(10):
+        simulation.step()
+    moved = simulation.positions - mesh.nodes
+    np.testing.assert_allclose(moved, np.tile([0, 0, -10 * 0.01**2 * 55], (len(moved), 1)), atol=1e-9)
+
+
+def test_a_pressure_needs_no_surface_that_is_closed_at_an_edge(tmp_path: Path) -> None:
+    """On the two lower faces of 1 m²: 5 Pa push 2000 kg up by p A / m, less than a millionth of g."""
+    low = NodeSet("low", along=(0.0, 0.0, 1.0), at=0.0)
+    simulation = Simulation(hinged(tmp_path, set=(low,), load=(Load("low", pressure=5.0),), dt=0.01))
+    simulation.step()
+    mass = np.full(len(simulation.positions), 125.0)  # an eighth of a brick
+    mass[np.flatnonzero((HINGED.nodes[:, :2] == 1).all(axis=1))] = 250.0
+    mean = mass @ (simulation.positions - HINGED.nodes) / mass.sum()
+    np.testing.assert_allclose(mean, [0, 0, 10.0 / 2000.0 * 0.01**2], atol=1e-12)
+
+
+def test_contact_of_elements_that_share_an_edge_only_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    with raises_naming(SceneError, "mesh.source", "two.vtu", "nodes", "own", "[contact]"):
+        Simulation(hinged(tmp_path, contact=Contact(self_contact=True), gravity=Gravity()))
 
 
 def test_a_face_of_three_elements_is_refused_with_its_nodes() -> None:

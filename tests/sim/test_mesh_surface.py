@@ -12,9 +12,13 @@ from hypothesis import strategies as st
 from tests.messages import assert_names, raises_naming
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import obj, read
+from tripod_sim.mesh.obj import read_obj
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.surface_mesh import SurfaceMesh, check_surface
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
+from tripod_sim.springs import net
+from tripod_sim.springs.net import spring_net
+from tripod_sim.tables.bodies import Springs
 
 TETRAHEDRON = SurfaceMesh(
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
@@ -290,10 +294,11 @@ def test_a_statement_continued_for_ever_is_refused(monkeypatch: pytest.MonkeyPat
     assert_names(refusal(b"f 1 1 \\\n" * 9, "x.obj"), "line 4", "more than 10 words")
 
 
-def test_a_small_file_of_very_many_triangles_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(obj, "MOST_TRIANGLES", 10)
-    text = b"v 0 0 0\nf" + b" 1" * 12 + b"\nf 1 1 1\n"
-    assert_names(refusal(text, "x.obj"), "line 3", "more than 10 triangles")
+def test_a_small_file_of_very_many_triangles_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.obj"
+    path.write_bytes(b"v 0 0 0\nf" + b" 1" * 12 + b"\nf 1 1 1\nwords\n")  # what follows is not read
+    with raises_naming(SceneError, "x.obj", "more than 10 triangles"):
+        read_obj(path, str(path), None, 10)
 
 
 def test_files_that_cannot_be_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,9 +316,32 @@ def test_files_that_cannot_be_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         assert_names(message(wall, scale), "maze.source", f"scale is {scale} m", "finite", "above 0 m")
     other = tmp_path / "wall.step"
     other.write_bytes(b"x")
-    assert_names(message(other), "maze.source", "'/wall.step'", "'.step'", ".obj", ".stl")
+    assert_names(message(other), "maze.source", "'/wall.step'", "unknown", "OBJ", "STL")
+    other.write_bytes(b"# vtk DataFile Version 3.0\n")
+    assert_names(message(other), "maze.source", "'/wall.step'", "vtk", "OBJ", "STL")
+    other.write_bytes(ASCII)
+    check_surface(read_surface(other, 1.0, "maze.source"), "by its content")
     monkeypatch.setattr(read, "MAX_BYTES", 10)
     assert_names(message(wall), "maze.source", "file '/wall.STL'", "larger than 10 bytes")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_surface_of_more_triangles_than_fit_is_refused_with_their_number(name: str, tmp_path: Path) -> None:
+    path, count = tmp_path / name, len(TETRAHEDRON.triangles)
+    path.write_bytes(FORMATS[name](TETRAHEDRON))
+    assert len(read_surface(path, 1.0, "springs.source", None, count).triangles) == count
+    with raises_naming(SceneError, "springs.source", name, f"more than {count - 1} triangles", "reduce"):
+        read_surface(path, 1.0, "springs.source", None, count - 1)
+
+
+def test_a_cloth_from_a_file_has_the_limit_of_a_generated_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "x.obj").write_bytes(obj_text(TETRAHEDRON))
+    assert len(spring_net(Springs(str(tmp_path / "x.obj"))).nodes) == len(TETRAHEDRON.vertices)
+    monkeypatch.setattr(net, "MOST_NODES", len(TETRAHEDRON.triangles) // 2 - 1)
+    with raises_naming(SceneError, "springs.source", f"more than {len(TETRAHEDRON.triangles) - 2} triangles"):
+        spring_net(Springs(str(tmp_path / "x.obj")))
 
 
 def test_positions_that_overflow_with_the_scale_are_named() -> None:

@@ -402,14 +402,18 @@ def test_a_disc_of_too_few_nodes_is_refused_with_the_radius_that_holds_enough() 
     ("name", "content", "named"),
     [
         ("gone.vtk", None, ("not exist",)),
-        ("noise.vtk", bytes(range(256)) * 4, ("format", "(Illegal VTK header)")),
-        ("noise.inp", bytes(range(256)) * 4, ("cut short", "damaged")),
-        ("empty.vtk", b"", ("cut short", "damaged")),
-        ("empty.vtu", b"", ("cut short", "damaged")),
+        ("noise.vtk", bytes(range(256)) * 4, ("its name", "vtk", "not begin")),
+        ("noise.inp", bytes(range(256)) * 4, ("its name", "abaqus", "not begin")),
+        ("noise.msh", b"words", ("cut short", "damaged", "format", "its name")),
+        ("empty.vtk", b"", ("empty",)),
+        ("empty.vtu", b"", ("empty",)),
+        ("sheet.vtk", b"<VTKFile type='PolyData'></VTKFile>", ("UnstructuredGrid", "PolyData")),
         ("lines.msh", b"$MeshFormat\n4.1 0\n8\n", ("cut short", "damaged")),
-        ("piece.doc", b"x", ("not deduce file format",)),
-        ("f.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("no tetrahedra or hexahedra", "triangle")),
-        ("void.obj", b"", ("no tetrahedra or hexahedra", "none")),
+        ("piece.doc", b"x", ("format is unknown",)),
+        ("f.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+         b"element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         ("no tetrahedra or hexahedra", "triangle")),
+        ("void.obj", b"", ("no tetrahedra or hexahedra", "OBJ")),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_mesh_is_refused(
@@ -454,8 +458,10 @@ NAMED = ("point_sets", "cell_sets", "cell_data", "point_data", "field_data")
 def read(path):
     print("in Python")
     os.write(1, b"below Python")
-    cube = types.SimpleNamespace(type="hexahedron", data=np.load(path + ".elements.npy"))
+    cube = types.SimpleNamespace(type="hexahedron", dim=3, data=np.load(path + ".elements.npy"))
     return types.SimpleNamespace(points=np.load(path + ".points.npy"), cells=[cube], **dict.fromkeys(NAMED, {}))
+
+gmsh = types.SimpleNamespace(read=read)
 """
 
 
@@ -463,10 +469,10 @@ def test_what_a_parser_prints_spoils_nothing(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "path").mkdir()
     (tmp_path / "path" / "meshio.py").write_text(NOISY_READER)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "path"), prepend=os.pathsep)
-    (tmp_path / "piece.vtk").touch()
-    np.save(tmp_path / "piece.vtk.points.npy", PIECE.nodes)
-    np.save(tmp_path / "piece.vtk.elements.npy", PIECE.elements)
-    built = build(load_scene(scene_with(tmp_path, "piece.vtk"))).mesh
+    (tmp_path / "piece.msh").write_text("$MeshFormat\n")
+    np.save(tmp_path / "piece.msh.points.npy", PIECE.nodes)
+    np.save(tmp_path / "piece.msh.elements.npy", PIECE.elements)
+    built = build(load_scene(scene_with(tmp_path, "piece.msh"))).mesh
     np.testing.assert_array_equal(built.nodes, PIECE.nodes)
     assert capfd.readouterr() == ("", "")
 

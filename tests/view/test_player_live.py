@@ -3,6 +3,9 @@
 import http.client
 import json
 import sys
+import tracemalloc
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests.messages import assert_names, raises_naming
-from tripod_view.player import video
+from tripod_view.player import run_file, video
 from tripod_view.player.curves_plot import write_plot
 from tripod_view.player.film import FilmError
 from tripod_view.player.live import GrowingFilm
@@ -98,6 +101,54 @@ def test_arrays_of_another_length_are_named(name: str) -> None:
         film_of(found)
 
 
+def changed(name: str, index: Any, value: float) -> Callable[[dict[str, Any]], None]:
+    """Return a change of one number of an array."""
+
+    def change(found: dict[str, Any]) -> None:
+        found[name] = found[name].copy()
+        found[name][index] = value
+
+    return change
+
+
+ARMS = np.tile([0.0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0.02, 0.01, 0.03], (2, 1))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda a: a.pop("time"), ("time",)),
+        (lambda a: a.update(time=np.array(1.0)), ("time", "shape", "steps")),
+        (changed("time", 3, np.nan), ("time", "finite")),
+        (lambda a: a.update(positions=a["positions"].ravel()), ("positions", "shape", "steps, any, 3")),
+        (lambda a: a.update(positions=a["positions"].astype(str)), ("positions", "kind")),
+        (changed("positions", (5, 1, 2), np.inf), ("finite positions",)),
+        (lambda a: a.update(energies=np.zeros((101, 2))), ("energies", "(101, 2)", "steps, 3")),
+        (changed("triangles", (0, 1), 3), ("triangles", "number 0", "nodes", "0 to 2")),
+        (changed("triangles", (0, 1), -1), ("triangles", "number 0", "nodes", "0 to 2")),
+        (lambda a: a.update(triangles=np.array([[0.0, 1, 2]])), ("triangles", "float64")),
+        (lambda a: a.update(bodies=np.array([4])), ("bodies", "[4]", "3")),
+        (lambda a: a.update(bodies=np.array([4, -1])), ("bodies", "[4, -1]")),
+        (lambda a: a.update(arms=ARMS * np.nan, angles=np.zeros((101, 2)), slide=np.zeros(101)), ("arms", "finite")),
+        (lambda a: a.update(arms=ARMS, angles=np.zeros((101, 3)), slide=np.zeros(101)), ("arms", "2 rows", "3 servos")),
+        (lambda a: a.update(arms=ARMS[:, :12]), ("arms", "(2, 12)", "any, 13")),
+        (lambda a: a.update(event_times=np.zeros(2)), ("event_texts", "event_times")),
+        (lambda a: a.update(scene=np.array("x" * 9)), ("scene", "TOML")),
+        (lambda a: a.update(scene=np.array("[ball]\nradius = 'x'")), ("scene", "ball.radius", "'x'")),
+        (lambda a: a.update(scene=np.array("ball = 3")), ("scene", "ball.radius", "None")),
+        (lambda a: a.update(scene=np.array("body = [3]")), ("scene", "body", "tables")),
+        (lambda a: a.update(effector=np.zeros((101, 7))), ("scene", "platform.0.size.0")),
+    ],
+)  # fmt: skip
+def test_arrays_that_no_run_writes_are_named(
+    change: Callable[[dict[str, Any]], Any], named: tuple[str, ...]
+) -> None:
+    found = arrays()
+    change(found)
+    with raises_naming(FilmError, *named):
+        film_of(found)
+
+
 @pytest.mark.parametrize("steps", [[], [0, 101], [-1], [0.5]])
 def test_steps_that_a_run_has_not_are_refused(steps: Any) -> None:
     with raises_naming(FilmError, "steps: ", "at least one", "whole numbers", "0 to 100"):
@@ -170,6 +221,65 @@ def test_the_server_answers_who_knows_its_token_and_nobody_else() -> None:
             assert asked(server, f"{token}/reel{words}")[0] == 400
     finally:
         server.close()
+
+
+def test_of_a_long_recording_only_what_is_shown_is_read(tmp_path: Path) -> None:
+    """100 MB of positions, of which 1000 pictures of 200 nodes are 5 MB."""
+    long = arrays(20_001)
+    long["time"] = 1e-3 * np.arange(20_001)
+    long["positions"] = np.zeros((20_001, 200, 3))
+    long["positions"][:, :, 0] = np.arange(20_001)[:, None]
+    long["bodies"] = np.array([200])
+    np.savez_compressed(tmp_path / "run.npz", **long)
+    shown = film_of(long)
+    del long
+    tracemalloc.start()
+    film = film_of(read_run(tmp_path / "run.npz"))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(film.times) == 1001
+    for name in ("times", "bodies"):
+        assert len(getattr(film, name)) == len(getattr(shown, name))
+    np.testing.assert_array_equal(film.bodies[0].positions, shown.bodies[0].positions)
+    assert most < 30e6
+
+
+@pytest.mark.parametrize(
+    ("change", "limits", "named"),
+    [
+        (lambda a: a.update(still_vertices=np.zeros((10_000, 3))), {"MOST_STILL": 100_000}, ("still_vertices", "1e+05")),
+        (lambda a: a, {"MOST_ROW": 71}, ("positions", "72 bytes", "each step")),
+        (lambda a: a.update(units=np.array([{}])), {}, ("no recording", "units")),
+    ],
+)  # fmt: skip
+def test_a_small_file_of_large_arrays_is_refused(
+    change: Callable[[dict[str, Any]], Any],
+    limits: dict[str, int],
+    named: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = arrays()
+    change(found)
+    np.savez_compressed(tmp_path / "run.npz", **found)
+    for name, value in limits.items():
+        monkeypatch.setattr(run_file, name, value)
+    with raises_naming(FilmError, *named):
+        film_of(read_run(tmp_path / "run.npz"))
+
+
+def test_a_recording_cut_within_its_steps_is_named(tmp_path: Path) -> None:
+    """A member that is shorter than its header says."""
+    path = tmp_path / "run.npz"
+    np.savez(path, **arrays())
+    with zipfile.ZipFile(path) as whole:
+        members = {name: whole.read(name) for name in whole.namelist()}
+    members["positions.npy"] = members["positions.npy"][:-24]
+    with zipfile.ZipFile(path, "w") as cut:
+        for name, data in members.items():
+            cut.writestr(name, data)
+    with raises_naming(FilmError, path, "no recording", "positions", "step 100"):
+        film_of(read_run(path))
 
 
 def test_a_recording_is_read_and_anything_else_is_named(tmp_path: Path) -> None:

@@ -42,6 +42,10 @@ MOST_NUMBERS = 100
 """Different numbers of an array that divides a mesh into groups."""
 
 
+class UnreadableError(Exception):
+    """A file that is not read; the message says why."""
+
+
 def main() -> int:
     """Read the file that the command line names; return the exit code."""
     with contextlib.suppress(ImportError, ValueError, OSError):  # Windows has no limits
@@ -68,8 +72,10 @@ def reason(error: Exception, file_format: str) -> str:
     """Return why a file is not read: what a parser stumbled over in it would tell nobody more than `BROKEN`."""
     import meshio  # noqa: PLC0415
 
-    if isinstance(error, meshio.ReadError) and str(error):
+    if isinstance(error, UnreadableError):
         return str(error)
+    if isinstance(error, meshio.ReadError) and str(error):
+        return f"{BROKEN} ({error})"
     if isinstance(error, KeyError) and file_format == "gmsh":  # the tables of cells alone are looked up there
         return f"it has cells of the kind {error.args[0]} of gmsh, which meshio does not know"
     if (
@@ -130,17 +136,17 @@ def mesh_of(path: str, file_format: str, skipped: Skipped) -> Any:
     import meshio  # noqa: PLC0415
 
     if not Path(path).stat().st_size:
-        raise meshio.ReadError("it is empty")
+        raise UnreadableError("it is empty")
     if not file_format:
         endings = "".join(Path(path).suffixes).lower().split(".")[1:]
         named = [f for i in range(len(endings)) for f in _named(".".join(["", *endings[i:]]))]
         formats = [name for name in named if name not in MARKED]
         if named and not formats:
-            raise meshio.ReadError(
+            raise UnreadableError(
                 f"its name says {' or '.join(named)}, but it does not begin as such files do"
             )
         if not formats:
-            raise meshio.ReadError(
+            raise UnreadableError(
                 "its format is unknown: neither its first lines nor the ending of its name tell it"
             )
         file_format = formats[0]
@@ -229,7 +235,7 @@ def vtk_blocks(
     ends = np.asarray(ends, dtype=np.int64)
     sizes = np.diff(ends, prepend=0)
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(connectivity):
-        raise meshio.ReadError(
+        raise UnreadableError(
             "it is cut short or damaged: its cells name more or fewer points than there are"
         )
     blocks, values = list[Any](), {name: list[Any]() for name in data}
@@ -241,7 +247,7 @@ def vtk_blocks(
             skipped[name, number not in VTK_FLAT] += len(own)
             continue
         if (sizes[own] != size).any():
-            raise meshio.ReadError(f"it is damaged: not all its {name} cells have {size} points")
+            raise UnreadableError(f"it is damaged: not all its {name} cells have {size} points")
         order = meshio._vtk_common.vtk_to_meshio_order(number)
         points = connectivity[(ends[own] - size)[:, None] + np.arange(size)]
         blocks.append(meshio.CellBlock(name, points if order is None else points[:, order]))
@@ -272,7 +278,6 @@ def abaqus_text(path: str, skipped: Skipped) -> io.StringIO:
     the blocks of nodes are one, elements have the name of one with as many nodes that it knows, those without such a
     name are left out and counted, and sets have numbers.
     """
-    import meshio  # noqa: PLC0415
 
     nodes, rest, sets = list[str](), list[str](), dict[str, list[str]]()
     for keyword, rows in _abaqus_blocks(path):
@@ -295,7 +300,7 @@ def abaqus_text(path: str, skipped: Skipped) -> io.StringIO:
             rest += [keyword, *rows]
     (number, most), *_ = [*Counter(row.partition(",")[0] for row in nodes).most_common(1), ("", 1)]
     if most > 1:
-        raise meshio.ReadError(f"it has {most} nodes of the number {number}: write its parts as one mesh")
+        raise UnreadableError(f"it has {most} nodes of the number {number}: write its parts as one mesh")
     for group, members in sets.items():
         rest += [f"*ELSET, ELSET={group}", *members]
     text = io.StringIO("\n".join([*(["*NODE", *nodes] if nodes else []), *rest, ""]))

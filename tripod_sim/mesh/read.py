@@ -87,7 +87,7 @@ def _read(path: Path, file_format: str) -> Cells:
         why = (
             " ".join(run.stdout.decode(errors="replace").split()) or f"the reader ended with {run.returncode}"
         )
-        raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {why[:200]}")
+        raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {why[:300]}")
     with np.load(io.BytesIO(run.stdout), allow_pickle=False) as found:
         volumes = {kind: found[kind] for kind in SIZES if kind in found}
         groups = {name: found[f"group {i}"] for i, name in enumerate(found["groups"].tolist())}

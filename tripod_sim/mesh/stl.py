@@ -32,7 +32,7 @@ def read_stl(path: Path, name: str, most: int = MOST_TRIANGLES) -> tuple[FloatAr
         most: Triangles of the file.
 
     Raises:
-        SceneError: not such a file, or too many triangles; the message says what is wrong, in ASCII files in which line.
+        SceneError: not such a file, or too many triangles; the message says what is wrong, and where in ASCII files.
     """
     try:
         with open_file(path, MAX_BYTES) as file:
