@@ -189,6 +189,8 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
         k = i - rigid
         if low == high or k == len(scene["rigid"]):  # the ball is a piece of its own
             continue
+        if k < 0 and i >= len(soft):
+            raise FilmError(f"scene: it describes {len(soft)} soft bodies; bodies has nodes of more")
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
         name, colour = soft[i] if k < 0 else (f"rigid.{k}", RIGID[k % len(RIGID)])
         found.append(Deforming(name, own, shown[:, low:high], colour))

@@ -126,5 +126,5 @@ def _member(
             raise ValueError(f"{name} is an array of version {version}")
         shape, in_columns, dtype = HEADERS[version](file)
         if dtype.hasobject or any(n < 0 for n in shape):
-            raise ValueError(f"{name} has no numbers and no text")
+            raise ValueError(f"{name}: object arrays hold neither numbers nor text")
         yield file, shape, in_columns, dtype
