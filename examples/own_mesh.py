@@ -3,7 +3,8 @@
     python examples/own_mesh.py            # writes finger.vtk and finger.toml beside you, and runs them
     tripod run finger.toml --view          # shows it
 
-Any file that gmsh, VTK, Abaqus or GiD write will do in place of finger.vtk.
+Any file of tetrahedra or hexahedra that gmsh, VTK, Abaqus or GiD write will do in place of finger.vtk: the scene names
+no element, so the cells decide it (docs/file_formats.md).
 """
 
 import sys
