@@ -55,13 +55,8 @@ def main() -> int:
         resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]), int(sys.argv[3]) + 1))
     with os.fdopen(os.dup(1), "wb") as answer:
         os.dup2(2, 1)  # what parsers print goes to standard error
-        sys.stdout = said = io.StringIO()
         try:
             answer.write(archive(sys.argv[1], sys.argv[2], sys.argv[4:]))
-        except SystemExit:  # meshio prints its reason and exits
-            why = said.getvalue().strip()
-            answer.write((f"{BROKEN} ({why})" if why else BROKEN).encode())
-            return 1
         except Exception as error:  # noqa: BLE001 - whatever a parser meets in a file that is not what it says
             answer.write(reason(error, sys.argv[2]).encode())
             return 1
@@ -84,8 +79,7 @@ def reason(error: Exception, file_format: str) -> str:
         and isinstance(error.args[0], int | np.integer)
     ):
         return f"it is cut short or damaged: an element or a set names {error.args[0]}, which the file does not have"
-    lacking = isinstance(error, MemoryError | ImportError | OSError)
-    if lacking:
+    if isinstance(error, MemoryError | ImportError | OSError):
         return f"{type(error).__name__}: {error}"
     return BROKEN if file_format else f"{BROKEN}, or is not in the format that its name says"
 
