@@ -238,6 +238,15 @@ def test_cells_of_too_few_points_are_damage(
         read_solid(tmp_path / "x.vtk", 1.0, "t4")
 
 
+def test_points_that_no_cell_has_are_damage(tmp_path: Path) -> None:
+    text = xml([(TETRAHEDRA.nodes, SOLID)])
+    (tmp_path / "x.vtu").write_text(
+        text.replace('"connectivity" format="ascii">', '"connectivity" format="ascii">7 ')
+    )
+    with raises_naming(SceneError, "x.vtu", "cut short", "damaged", "more or fewer points"):
+        read_solid(tmp_path / "x.vtu", 1.0, "t4")
+
+
 def test_balls_in_a_gid_file_are_left_out_and_counted(tmp_path: Path) -> None:
     more = (
         "MESH dimension 3 ElemType Sphere Nnode 1\nCoordinates\nEnd Coordinates\nElements\n7 1 0.5\n8 2 0.5\n"
