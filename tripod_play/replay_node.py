@@ -118,7 +118,7 @@ class ReplayNode(Node):
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)
-        self._has_driver = False
+        self._has_driver, self._by_simulator = False, simulated is not None
         if simulated is None:
             self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_driver, RELIABLE)
             self.create_subscription(
@@ -183,7 +183,10 @@ class ReplayNode(Node):
         self._hear(able, follows, why, m.lower, m.upper, m.speed)
 
     def _on_simulator(self, m: SimStatus) -> None:
-        if self._has_driver or (self._simulated is None and time.monotonic() - self._since < SOON):
+        if self._has_driver:
+            return
+        self._by_simulator = self._by_simulator or time.monotonic() - self._since >= SOON
+        if not self._by_simulator:
             return
         able, follows = m.state in SIMULATING, m.state == SimStatus.RUNNING
         why = f"the simulator cannot move: {m.message or ('it holds' if able else 'it is paused')}"

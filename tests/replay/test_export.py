@@ -186,7 +186,7 @@ def test_the_page_of_a_recording_with_several_segments_shows_the_longest_or_the_
 def test_numbers_of_a_segment_are_those_between_its_restart_and_the_next(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    first, second = (run_session("pendulum", (), steps=40, seed=1, every=10) for _ in range(2))
+    first, second = (run_session("pendulum", (), steps=45, seed=1, every=10) for _ in range(2))
     bag = write_session(first, tmp_path / "bag", then=(second,))
     counts = []
     for number in (None, 1, 2):
