@@ -15,7 +15,7 @@ from tripod_ik import solver
 from tripod_ik.certificate import kkt_residual, polish
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
-from tripod_ik.problem import build_ik
+from tripod_ik.problem import REGULARISATION, build_ik
 from tripod_ik.row_limits import TorqueLimit
 from tripod_ik.solver import IkSolver, solve_ik
 from tripod_ik.state import LinearState
@@ -437,3 +437,26 @@ def test_ctrl_c_during_a_solve_is_not_lost():
         signal.signal(signal.SIGINT, before)
     assert caught == [True]
     assert "interrupt" in result.status
+
+
+@pytest.mark.parametrize("off", [-4e-3, -1e-4, 4e-3])
+def test_towards_a_snap_the_program_has_the_curvature_of_what_it_minimises(off):
+    """A servo at α moves the effector by p = -c ρ, with ρ² = k (α0 - α): J = c k / 2ρ, and J grows by c k² / 4ρ³."""
+    c, k, rho, curvature = 0.02, 1.5, 0.2, 1e-6
+    J, growth = c * k / (2 * rho), c * k**2 / (4 * rho**3)
+    W = np.zeros((7, 7))
+    W[6, 6], W[0, 6], W[6, 0], W[0, 0] = 2.0, 2.0 * J, 2.0 * J, 3.0 * J * J
+    state = LinearState(
+        ("servo_0",), np.array([-1.0]), np.zeros(1), np.array([-c * rho, 0.0, 0.0]), np.array([0, 0, 0, 1.0]),
+        np.zeros(6), W, firmness=rho, firmness_slope=np.array([-k / (2 * rho)]),
+    )  # fmt: skip
+    task = PositionTask(state.equilibrium + [off, 0.0, 0.0], np.array([1.0, 0.0, 0.0]), curvature=curvature)
+    problem = build_ik(state, [task])
+    sigma = J**2 + curvature * abs(off)
+    found = (problem.P[0, 0] - REGULARISATION) * sigma - curvature * abs(off)
+    # of |e|²/2 it is J² - e dJ/dα; where that is less than J², no more than its size is known: the step is not longer
+    assert found == pytest.approx(J**2 + abs(off) * growth, rel=1e-9)
+    if off < 0:
+        turn = 1e-4
+        ends = [(off - c * rho + c * np.sqrt(rho**2 - k * t)) ** 2 / 2 for t in (-turn, 0.0, turn)]
+        assert found == pytest.approx((ends[0] - 2 * ends[1] + ends[2]) / turn**2, rel=1e-4)
