@@ -51,7 +51,7 @@ def path_command(
         joints, steps = simulation.command, int(np.ceil(path.times[-1] / description.dt)) + 1
         with progress_bar(shown=shown) as progress:
             for k in range(steps):
-                joints[:3] = path.at((k + 1) * dt)
+                joints[:-1] = path.at((k + 1) * dt)
                 if unstable := simulation.step(joints).instability:
                     raise StepError(unstable)
                 if progress:
@@ -69,7 +69,7 @@ def path_command(
         "time": float(path.times[-1]),
         "file_time": float(points.times[-1]),
         "limits": [str(limit) for limit in path.limits],
-        "angles": simulation.state.joints[:3],
+        "angles": simulation.state.joints[:-1],
         "effector": {"position": pose.position, "quaternion": pose.quaternion} if pose else None,
     }
     if simulation.ball:

@@ -22,6 +22,7 @@ from tripod_bringup.screen import Screen
 from tripod_bringup.script import joint_path
 from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
 from tripod_graph import names
+from tripod_graph.command import CommandLimits
 from tripod_graph.loopback import keep_local
 from tripod_graph.namespace import full_namespace
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from rclpy.executors import Executor
 
     from tripod_bringup.script_player import ScriptPlayer
+    from tripod_sim.joints import Joints
 
 
 def up_command(
@@ -135,22 +137,24 @@ def chain_values(
 ) -> dict[str, Mapping[str, object]]:
     """Return the parameters of all nodes: what `values` says, and what the scene and the port ask of each beside that.
 
-    Inverse kinematics takes `overrides`, what the user asked of the scene: the setting of an accuracy is the
+    The nodes that command or follow servos keep to the angles of the scene. Inverse kinematics takes `overrides`, what the user asked of the scene: the setting of an accuracy is the
     simulator's own, and finer than ways around snaps need.
 
     Raises ValueError where the driver is told another number of servos than the scene has.
     """
-    servos = servos_of(scene, words_of_set(values))
+    joints = servos_of(scene, words_of_set(values))
+    servos = joints.count if joints else None
+    angles = angle_limits(joints) if joints else {}
     count = {} if servos in (None, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
     told = str(values.get("driver", {}).get("servos", servos))
     if servos is not None and told != str(servos):
         raise ValueError(f"driver.servos is {told}, but scene {scene!r} has {servos} servos; leave it out")
     model: dict[str, object] = {"scene": scene, **({"set": ";".join(overrides)} if overrides else {})}
-    own: dict[str, object] = {} if "scene" in values.get("ik", {}) else model
+    own: dict[str, object] = {} if "scene" in values.get("ik", {}) else {**model, **angles}
     asked: dict[str, dict[str, object]] = {
-        "sim": {"scene": scene},
+        "sim": {"scene": scene, **angles},
         "ik": own,
-        "driver": {"port": port, **count},
+        "driver": {"port": port, **count, **angles},
     }
     return {node: {**asked.get(node, {}), **values.get(node, {})} for node in (*asked, *values)}
 
@@ -291,13 +295,19 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
     return choice.sentence
 
 
-def servos_of(scene: str, overrides: Sequence[str]) -> int | None:
-    """Return how many servos a scene has; None: it has none. Raises SceneError, which is a ValueError."""
+def servos_of(scene: str, overrides: Sequence[str]) -> "Joints | None":
+    """Return the servos of a scene; None: it has none. Raises SceneError, which is a ValueError."""
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - pure and small
     from tripod_sim.scene_short import joints_of  # noqa: PLC0415
 
-    joints = joints_of(load_scene(scene, overrides))
-    return joints.count if joints else None
+    return joints_of(load_scene(scene, overrides))
+
+
+def angle_limits(joints: "Joints") -> dict[str, float]:
+    """Return `angle_min` and `angle_max` [rad] of the servos, as parameters of a node that has others by default."""
+    default = CommandLimits()
+    found = {"angle_min": float(joints.low.min()), "angle_max": float(joints.high.max())}
+    return {name: angle for name, angle in found.items() if angle != getattr(default, name)}
 
 
 def check_scene(scene: str, overrides: Sequence[str]) -> None:

@@ -55,6 +55,17 @@ def test_path_plays_and_names_where_servos_are_too_slow(tmp_path: Path) -> None:
     assert f"tripod path: {told['limits'][0]}" in result.stderr
 
 
+def test_a_path_is_played_by_as_many_servos_as_the_scene_has(tmp_path: Path) -> None:
+    file = tmp_path / "p.csv"
+    file.write_text("time,x,y,z\n0,0,0,-0.0027\n0.1,0,0,-0.003\n")
+    result = tripod("path", str(file), "--scene", "cross", "--json", *COARSE)
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert len(told["angles"]) == 4
+    assert max(told["angles"]) - min(told["angles"]) < 1e-6, "a move of the disc up or down turns all alike"
+    assert abs(told["angles"][3]) > 1e-4
+
+
 def test_the_example_of_the_page_of_mazes_is_told_as_there(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "maze.md").read_text(encoding="utf-8")
     file = tmp_path / "p.csv"

@@ -101,6 +101,16 @@ def test_a_driver_of_another_number_of_servos_than_the_scene_has_is_refused() ->
     assert up_command.chain_values(same, "cross", [], "mock")["driver"]["servos"] == RawYaml("4")
 
 
+def test_the_chain_keeps_to_the_angles_that_the_servos_of_the_scene_allow() -> None:
+    wide = ["servos.angle_max=1.5", "servos.angle_min=-3.0"]
+    values = up_command.chain_values({"sim": {"set": ";".join(wide)}}, "tripod", wide, "mock")
+    for node in ("sim", "ik", "driver"):
+        assert (values[node]["angle_min"], values[node]["angle_max"]) == (-3.0, 1.5), node
+    explicit = up_command.chain_values({"driver": {"angle_max": 0.3}}, "tripod", [], "mock")
+    assert explicit["driver"] == {"port": "mock", "angle_max": 0.3}
+    assert explicit["ik"] == {"scene": "tripod"}, "those of the Tripod are the nodes' own"
+
+
 def test_inverse_kinematics_takes_overrides_of_its_scene(capsys: pytest.CaptureFixture[str]) -> None:
     table = {p.name: p.default for p in settings.PARAMETERS}
     soft = settings.scene_of({**table, "set": "material.young=3e5; mesh.level=3"})
