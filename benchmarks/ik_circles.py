@@ -101,10 +101,12 @@ class Timed:
         )
         self.times: list[float] = []
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
+    def __call__(
+        self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
+    ) -> Way | None:
         """Return the way, as a tracker asks for it."""
         begin = time.thread_time()
-        way = self.finder.way(state, tasks)
+        way = self.finder.way(state, tasks, trail)
         self.times.append(time.thread_time() - begin)
         return way
 

@@ -90,19 +90,16 @@ def ik(
     slide: Slide = 0.035,
     start: Annotated[
         str | None,
-        typer.Option(metavar='"A B C"', help="Angles \\[rad] whose branch is taken; the working pose."),
+        typer.Option(metavar='"A B C"', help="Angles \\[rad] where the robot is; those of the slide."),
     ] = None,
     torque_max: Annotated[
-        float | None, typer.Option(help="Largest torque of a servo \\[N m]; none by default.")
-    ] = None,
+        float, typer.Option(help="Largest torque of a servo \\[N m], as of the node; inf for none.")
+    ] = 0.3,
     box: Annotated[
         str | None,
         typer.Option(metavar='"X Y Z X Y Z"', help="Smallest and largest corner for the effector \\[m]."),
     ] = None,
     hard: Annotated[bool, typer.Option("--hard", help="Torque and box are hard limits, not soft.")] = False,
-    any_branch: Annotated[
-        bool, typer.Option("--any-branch", help="A pose beyond a fold will do, too.")
-    ] = False,
     posterior: Annotated[
         Path | None,
         typer.Option(
@@ -150,7 +147,6 @@ def ik(
             torque_max=torque_max,
             hard=hard,
             box=box,
-            any_branch=any_branch,
             posterior=posterior,
             accuracy=accuracy,
             budget=budget,

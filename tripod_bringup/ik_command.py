@@ -30,16 +30,9 @@ def overwrite(text: str) -> None:
     print(f"\r{text:<{LINE}}", end="" if text else "\r", file=sys.stderr, flush=True)
 
 
-class SearchProgress:
-    """How far a search is: what it has looked at, and the least that was missing so far."""
-
-    def __init__(self) -> None:
-        self._count, self._missing = 0, math.inf
-
-    def __call__(self, count: int, missing: float) -> None:
-        """Show the progress; what counts anew, or looks elsewhere, does not take it back."""
-        self._count, self._missing = max(count, self._count), min(missing, self._missing)
-        overwrite(f"{self._count} linearisations, {1e3 * self._missing:.3f} mm left")
+def show_progress(count: int, missing: float) -> None:
+    """Show how many linearisations a search has made, and the least that was missing so far [m]."""
+    overwrite(f"{count} linearisations, {1e3 * missing:.3f} mm left")
 
 
 def solve_command(
@@ -51,10 +44,9 @@ def solve_command(
     tilt: str,
     slide: float,
     start: str | None,
-    torque_max: float | None,
+    torque_max: float,
     hard: bool,
     box: str | None,
-    any_branch: bool,
     posterior: Path | None,
     accuracy: str | None,
     budget: str | None,
@@ -62,6 +54,8 @@ def solve_command(
     as_json: bool,
 ) -> int:
     """Solve, print and return the exit code: 0 reached, 1 not reached, 2 bad arguments."""
+    if shown := sys.stderr.isatty():
+        overwrite("building the model ...")
     from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
     from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
     from tripod_ik.accuracy import choose_model  # noqa: PLC0415
@@ -84,7 +78,6 @@ def solve_command(
         description = load_scene(scene, overrides)
         joints = joints_of(description)
         begin = None if start is None else numbers("--start", start, joints.count if joints else 3, "rad")
-        shown = sys.stderr.isatty()
         with compiling_told("tripod ik", overwrite if shown else None):
             result = solve_once(
                 description,
@@ -93,11 +86,10 @@ def solve_command(
                 goal=Goal(goal),
                 slide=slide,
                 start=begin,
-                torque_max=math.inf if torque_max is None else torque_max,
+                torque_max=torque_max,
                 hard=hard,
                 box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]
-                any_branch=any_branch,
-                progress=SearchProgress() if shown else None,
+                progress=show_progress if shown else None,
             )
         if posterior is not None:
             result |= expected_error(description, posterior, result, slide)
@@ -189,7 +181,11 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         *bar_rows(result.get("expected_error")),
         ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),
         ("active limits", ", ".join(result["active_limits"]) or "none"),
-        *([] if result["straight_way"] else [("way", "the straight one from the start passes a hard limit")]),
+        *(
+            [("path", f"through {stops} poses before it, see --json")]
+            if (stops := len(result["path"]) - 1)
+            else []
+        ),
         ("optimality", f"{result['kkt']:.1e} rad"),
         ("solved by", f"{result['iterations']} linearisations in {1e3 * result['seconds']:.0f} ms"),
     ]

@@ -137,8 +137,9 @@ def chain_values(
 ) -> dict[str, Mapping[str, object]]:
     """Return the parameters of all nodes: what `values` says, and what the scene and the port ask of each beside that.
 
-    The nodes that command or follow servos keep to the angles of the scene. Inverse kinematics takes `overrides`, what the user asked of the scene: the setting of an accuracy is the
-    simulator's own, and finer than ways around snaps need.
+    The nodes that command or follow servos keep to the angles of the scene. Inverse kinematics takes `overrides`,
+    what the user asked of the scene: the setting of an accuracy is the simulator's own, and finer than ways around
+    snaps need.
 
     Raises ValueError where the driver is told another number of servos than the scene has.
     """

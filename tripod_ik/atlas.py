@@ -15,10 +15,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tripod_graph.names import WORKING_SLIDE
 from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
-from tripod_ik.model import Saved, StaticModel, foretold_miss, image_of, working_angles
+from tripod_ik.model import Saved, StaticModel, foretold_miss, image_of
 from tripod_ik.roads import DIGITS, Poses, Roads, Ways
 from tripod_ik.snap import SOFTEST, WITHIN
 from tripod_ik.state import LinearState
@@ -44,8 +43,9 @@ SAME = 1e-4
 NEAR = 1.5 * SPACING
 """How far a pose may be from one of the grid that it is looked for from [rad]."""
 
-TRIES = 10
-"""Poses from which a state is looked for, at most: it is found from the first or second one, or hardly ever."""
+FAR, TRIES = 1.2, 4
+"""How far a pose may be that a state beyond the known ones is looked for from [rad], and so many poses near, and so
+many far ones, at most: it is found from the first or second one, or hardly ever."""
 
 DOUBT = 0.02
 """How much that a straight way misses [m] counts as a second more of it: it may be none."""
@@ -116,19 +116,12 @@ class Atlas:
 
     @classmethod
     def of(cls, scene: Scene, slide: float, progress: Callable[[int], None] | None = None) -> "Atlas":
-        """Return the atlas of a scene, servo bodies slid in by `slide` [m].
-
-        The home of its model depends on `slide` alone, in proportion between the flat and the working pose: there the
-        strips are stretched.
-        """
+        """Return the atlas of a scene, servo bodies slid in by `slide` [m]; its home is that of `StaticModel`."""
         joints = joints_of(scene)
         solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0, max_turn=AT_ONCE)
         if joints is None:
             raise IkError(f"scene {scene.name!r} has no servos: there is nothing to solve for")
-        low, high = np.asarray(joints.low, dtype=float), np.asarray(joints.high, dtype=float)
-        home = np.clip(working_angles(joints.count) * slide / WORKING_SLIDE, low, high)
-        model = StaticModel(replace(scene, solver=solver), slide, home)
-        return cls(model, low, high, progress)
+        return cls(StaticModel(replace(scene, solver=solver), slide), joints.low, joints.high, progress)
 
     def distance(self, place: FloatArray) -> float:
         """Return how far a place of the effector, shape (3,), is from that at home [m]."""
@@ -207,14 +200,15 @@ class Atlas:
         return found[0] if len(found) == 1 else None
 
     def near(
-        self, state: LinearState, among: Iterable[int], ways: Ways | None = None
+        self, state: LinearState, among: Iterable[int], ways: Ways | None = None, within: float = NEAR
     ) -> list[tuple[float, int]]:
-        """Return the poses of `among` near `state`, and about how long it takes [s] to come there by each.
+        """Return the poses of `among` with angles `within` [rad] of those of `state`, and about how long it takes [s]
+        to come there by each.
 
         The quickest is first. `ways`: to these poses, if not from there. What a straight way misses, as the
         Jacobians foretell it, counts, too.
         """
-        near = [n for n in among if np.abs(self.poses[n].state.angles - state.angles).max() <= NEAR + 1e-9]
+        near = [n for n in among if np.abs(self.poses[n].state.angles - state.angles).max() <= within + 1e-9]
         poses = Poses([*(self.poses[n].state for n in near), state])
         here, there = np.arange(len(near)), np.full(len(near), len(near))
         times = poses.durations(here, there) + poses.misses(here, there) / DOUBT
@@ -239,10 +233,15 @@ class Atlas:
     def find(self, state: LinearState, among: Iterable[int]) -> int | None:
         """Bring the model to `state`; return the number of the pose that it came from, one of `among`.
 
-        None where the model has no such equilibrium, or none that it comes to from near here.
+        None where the model has no such equilibrium, or none that it comes to from there. Poses near it come first; of
+        those that are farther away a few are tried.
         """
-        near = self.near(state, among)[:TRIES]
-        return next((number for _, number in near if self.comes_to(state, number)), None)
+        tried = self.near(state, among)[:TRIES]
+        if (found := next((number for _, number in tried if self.comes_to(state, number)), None)) is not None:
+            return found
+        known = {number for _, number in tried}
+        far = [number for _, number in self.near(state, among, within=FAR) if number not in known]
+        return next((number for number in far[:TRIES] if self.comes_to(state, number)), None)
 
     @property
     def roads(self) -> Roads:

@@ -71,7 +71,7 @@ class Guidance:
     def reset(self) -> None:
         """Begin anew, without a way."""
         self._stops: list[FloatArray] = []
-        self._question: tuple[LinearState, Sequence[Task]] | None = None
+        self._question: tuple[LinearState, Sequence[Task], Sequence[LinearState]] | None = None
         self._target = np.zeros(0)
         self._answered, self._waits = False, 0.0
         self._worth = 0.0
@@ -179,6 +179,7 @@ class Guidance:
         *,
         closest: bool,
         before_snap: bool = False,
+        trail: Sequence[LinearState] = (),
     ) -> None:
         """Ask for a way, where the target stands still; to be called with each step.
 
@@ -190,13 +191,14 @@ class Guidance:
             now: [s].
             closest: Whether steps do not better the pose.
             before_snap: Whether they do not by much, since a snap is near.
+            trail: States that the robot came by.
         """
         still = len(self._beside) and np.abs(target - self._beside).max() < STILL
         self._beside = target
         if self._ask is None or self._answered or not ((closest or before_snap) and still):
             return
         if self._question is None:
-            self._question, self._target = (state, tasks), target
+            self._question, self._target = (state, tasks, trail), target
             self._waits = inf if closest else now + THINKING
         moved = float(np.abs(target - self._target).max())
         way = self._ask(*self._question)

@@ -11,7 +11,7 @@ from tripod_host.priority import stand_back
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
-from tripod_ik.way import NOWHERE, Way
+from tripod_ik.way import NEAR_WAY, NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
 
 if TYPE_CHECKING:
@@ -27,9 +27,6 @@ HANDOVER = 5e-4
 """Time [s] that the thread keeps the interpreter while the node waits for it: with Python's own 5 ms each step of
 inverse kinematics would wait for one of the model, and more than once.
 """
-
-NEAR_WAY = "closest pose near the way here"
-"""What there is to say where there is no way to a better one."""
 
 
 class Guide:
@@ -64,13 +61,15 @@ class Guide:
             self.slide, self._since = slide, now
         elif now - self._since > SETTLED and not abs(slide - self._prepared) < SLID and not self._is_busy():
             self._prepared = slide
-            self._begin(None, ())
+            self._begin(None, (), ())
 
     def tell(self, poses: int) -> None:
         """Say how many poses are known while the pathfinder is built."""
         self.notice = f"looking at all poses of the body: {poses} so far"
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
+    def __call__(
+        self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
+    ) -> Way | None:
         """Return the way that was asked for; None as long as it is not known, or where there is none."""
         if self._is_busy():
             return None
@@ -78,18 +77,22 @@ class Guide:
             return self._answer
         self._asked, self._answer = state, None
         self.notice = "looking for the closest pose"
-        self._begin(state, tuple(tasks))
+        self._begin(state, tuple(tasks), trail)
         return None
 
     def _is_busy(self) -> bool:
         return self._thread is not None and self._thread.is_alive()
 
-    def _begin(self, state: LinearState | None, tasks: Sequence[Task]) -> None:
+    def _begin(self, state: LinearState | None, tasks: Sequence[Task], trail: Sequence[LinearState]) -> None:
         sys.setswitchinterval(min(sys.getswitchinterval(), HANDOVER))
-        self._thread = threading.Thread(target=self._find, args=(state, tasks, self.slide), daemon=True)
+        self._thread = threading.Thread(
+            target=self._find, args=(state, tasks, trail, self.slide), daemon=True
+        )
         self._thread.start()
 
-    def _find(self, state: LinearState | None, tasks: Sequence[Task], slide: float) -> None:
+    def _find(
+        self, state: LinearState | None, tasks: Sequence[Task], trail: Sequence[LinearState], slide: float
+    ) -> None:
         stand_back()
         try:
             if self._finder is None or not abs(slide - self._built_at) < SLID:
@@ -98,9 +101,8 @@ class Guide:
                 self._finder.prepare()
                 self.notice = ""
                 return
-            self._answer = self._finder.way(state, tasks)
-            known = self._answer is not NOWHERE
-            self.notice = "" if known else f"{NEAR_WAY}; the robot does not rest as its model does"
+            self._answer = self._finder.way(state, tasks, trail)
+            self.notice = self._answer.reason
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
             expected = isinstance(error, SceneError | StepError | IkError)
             reason = str(error) if expected else f"{type(error).__name__}: {error}"

@@ -90,9 +90,12 @@ def linear_state(c: Compliance) -> LinearState:
     )  # fmt: skip
 
 
-def working_angles(count: int) -> FloatArray:
-    """Return the angles of the working pose [rad], shape (count,): the same for all servos."""
-    return np.full(count, WORKING_ANGLE)
+def home_angles(count: int, slide: float) -> FloatArray:
+    """Return the angles [rad] at which the strips are stretched with a slide [m], shape (count,).
+
+    They are in proportion between the flat piece, not slid in, and the working pose.
+    """
+    return np.full(count, WORKING_ANGLE * slide / WORKING_SLIDE)
 
 
 class StaticModel:
@@ -102,13 +105,14 @@ class StaticModel:
         simulation: Of the scene without what moves by itself: inertia, damping, servo dynamics, ball, other bodies.
         slide: Inward shift of the servo bodies [m].
         scene: What it was built from.
+        linearisations: How many states it has computed.
     """
 
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
         """Build the model and bring it to `angles` [rad], shape (s,).
 
-        None means the working pose, or what is nearest to it within the limits; of a robot that begins with that slide,
-        or does not slide, the pose in which it begins where the body is firmer there.
+        None means the pose of that slide, see `home_angles`; of a robot that begins with that slide, or does not slide,
+        the pose in which it begins where the body is firmer there.
 
         Raises:
             IkError: the scene has no servos or no effector, or the pose is out of its limits.
@@ -119,8 +123,7 @@ class StaticModel:
         if reason or not joints:
             raise IkError(reason)
         count = joints.count
-        low, high = np.array([(arm.low, arm.high) for arm in joints.arms]).T
-        near = np.clip(working_angles(count), low, high)
+        near = np.clip(home_angles(count, slide), joints.low, joints.high)
         wanted = near if angles is None else frozen("angles", angles, (count,))
         for name, angle, arm in zip(servo_names(count), wanted.tolist(), joints.arms, strict=True):
             if not arm.low <= angle <= arm.high:
@@ -134,7 +137,7 @@ class StaticModel:
             s, tolerance=min(TOLERANCE, s.tolerance), max_iterations=min(ITERATIONS, s.max_iterations)
         )
         self.simulation = Simulation(replace(at_rest(scene), solver=solver))
-        self.slide, self.scene = slide, scene
+        self.slide, self.scene, self.linearisations = slide, scene, 0
         self._state: LinearState | None = None
         self._image = images(count, mirrored=False)[0]
         start, end = self.simulation.command, np.append(wanted, slide)
@@ -167,7 +170,7 @@ class StaticModel:
             before = self.simulation.save()
             try:
                 self.simulation.step(goal)
-                self._state = self._image.state(linear_state(self.simulation.compliance()))
+                self._state = self._linearised()
             except Exception:
                 self.simulation.restore(before)
                 self._state = None
@@ -233,8 +236,12 @@ class StaticModel:
     def state(self) -> LinearState:
         """Return the state at the present angles; computed once for each pose."""
         if self._state is None:
-            self._state = self._image.state(linear_state(self.simulation.compliance()))
+            self._state = self._linearised()
         return self._state
+
+    def _linearised(self) -> LinearState:
+        self.linearisations += 1
+        return self._image.state(linear_state(self.simulation.compliance()))
 
     def shown(self, vector: Sequence[float]) -> FloatArray:
         """Return a vector of what is simulated, shape (3,), as the pose has it, which may be an image of that."""

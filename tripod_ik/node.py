@@ -58,6 +58,7 @@ from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import LONGEST_DT, SMOOTH, Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
+from tripod_ik.way import why_closest
 
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
@@ -413,8 +414,10 @@ class IkNode(Node):
             message = "no target yet: the effector is kept where it is"
         elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
             message = "no measurement: the correction stays as it is"
-        elif step.activity is Activity.CLOSEST or step.waits:
+        elif step.waits:
             message = self._guide.notice
+        elif step.activity is Activity.CLOSEST:
+            message = why_closest(result.active_limits, self._guide.notice)
         self._send(step.activity, message)
 
     def _rest_again(self, activity: Activity, message: str, now: float) -> None:

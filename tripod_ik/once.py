@@ -1,8 +1,12 @@
-"""One inverse kinematics, from a scene and a target to a summary: what `tripod ik --target` does."""
+"""One inverse kinematics, from a scene and a target to a summary: what `tripod ik --target` does.
+
+It is the node's rule, `Tracker` and `Pathfinder`, on a quasi-static model that is at each command at once: so command
+and node have the same answer from the same start within the same limits.
+"""
 
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -10,18 +14,16 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
 from tripod_ik.atlas import Atlas
-from tripod_ik.errors import IkError
-from tripod_ik.inverse import PASSED, InverseSolver, Outcome
-from tripod_ik.limits import AngleLimit
-from tripod_ik.merit import hard_limits_passed
 from tripod_ik.mesh_error import mesh_of
 from tripod_ik.model import StaticModel
 from tripod_ik.pathfinder import Pathfinder
 from tripod_ik.rotation import normal_of, roll_pitch
-from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
-from tripod_ik.snap import SNAP
+from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
+from tripod_ik.tasks import Task, total_distance
+from tripod_ik.tracker import Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal, TrackerSettings
+from tripod_ik.way import NOWHERE, Way, why_closest
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
@@ -30,8 +32,23 @@ from tripod_sim.tables.fields import other_unit
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
 
-WAY = 12
-"""Poses on the way from the start that are looked at."""
+DT, STEPS = 0.02, 600
+"""Time between commands [s], and how many there are at most."""
+
+STILL, RESTS = 1e-9, 3
+"""Turn of the servos [rad] in a command that moves nothing any more, and how many of these end the motion."""
+
+SHORTEST = 1e-4
+"""Part of the way to a command [rad] below which the end of the equilibria is not looked for more closely."""
+
+
+class Outcome(StrEnum):
+    """How a motion to a target ended."""
+
+    REACHED = "reached"
+    CLOSEST = "closest pose: the target is out of reach"
+    UNFINISHED = "not converged"
+    FAILED = "not solved"
 
 
 def solve_once(
@@ -42,34 +59,32 @@ def solve_once(
     goal: Goal = Goal.POSITION,
     slide: float,
     start: Sequence[float] | None = None,
-    torque_max: float = np.inf,
+    torque_max: float = TrackerSettings.torque_max,
     hard: bool = False,
     box: tuple[FloatArray, FloatArray] | None = None,
-    any_branch: bool = False,
-    tolerance: float = 1e-6,
+    tolerance: float = TrackerSettings.tolerance,
     progress: Callable[[int, float], None] | None = None,
 ) -> dict[str, Any]:
     """Return angles, torques and what is missing for a target.
 
     Args:
-        scene: Of the robot; solved without inertia.
+        scene: Of the robot; solved without inertia. Its servos' angles are the limits.
         target: x, y, z of the effector at rest [m] in `world`.
         tilt: Roll and pitch [rad], where the goal has a tilt.
         goal: What of both is asked for.
         slide: Inward shift of the servo bodies [m].
-        start: Angles [rad] of the pose whose branch is taken; None: see `StaticModel`.
+        start: Angles [rad] from which the robot moves; None: see `StaticModel`.
         torque_max: Largest torque [N m]; infinite for no limit.
         hard: Whether torques and box are hard limits.
         box: Smallest and largest corner of where the effector may be [m], or None.
-        any_branch: Whether another branch will do.
-        tolerance: What may be missing [m].
-        progress: Called with the number of linearisations so far and with what the last one found missing [m].
+        tolerance: What may be missing where the target counts as reached [m].
+        progress: Called with the number of linearisations so far and with the least that was missing so far [m].
 
     Returns:
         outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
         error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
-        with unit), active_limits, kkt [rad], iterations, seconds, straight_way (whether
-        the servos can go there in a straight line from the start without passing a hard limit).
+        with unit), active_limits, kkt [rad], iterations (linearisations), seconds, path (angles [rad] through which
+        the servos go, each straight from the one before).
 
     Raises:
         IkError, SceneError: the input is refused.
@@ -79,73 +94,123 @@ def solve_once(
     roll, pitch = frozen("tilt", tilt, (2,))
     joints = joints_of(scene)
     begin = None if start is None else frozen("start", start, (joints.count if joints else 0,))
-    if np.isnan(torque_max) or torque_max <= 0:
-        raise IkError(f"torque limit is {torque_max:g} N m; it must be positive")
-    if not 0 < tolerance < np.inf:
-        raise IkError(f"tolerance is {tolerance:g} m; it must be positive and finite")
-    limits: list[RowLimit] = [TorqueLimit(torque_max, hard=hard)] if np.isfinite(torque_max) else []
-    if box is not None:
-        limits.append(EffectorBox(*box, hard=hard))
-    tasks = TrackerSettings(goal=goal).tasks(position, normal_of(float(roll), float(pitch)))
+    settings = TrackerSettings(
+        goal=goal, torque_max=torque_max, hard=hard, box=box and (tuple(box[0]), tuple(box[1])), tolerance=tolerance
+    )  # fmt: skip
     model = StaticModel(scene, slide, begin)
     if joints is None:  # StaticModel has refused it
         raise StepError("no servos")
     _check_near(position, model)
-    angles = AngleLimit(joints.low, joints.high)
-    solver = InverseSolver(
-        model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance, progress=progress
-    )
     began = clock.perf_counter()
-    begun, first = model.angles, model.state()
-    solution = solver.solve(tasks, everywhere=True)
-    held_by_limits = set(solution.active_limits) - {SNAP}
-    if solution.outcome is Outcome.CLOSEST and not held_by_limits:  # another way round may be closer
-        count, missing = solution.iterations, solution.residual
-        tell = progress and (lambda more, missing: progress(count + more, missing))
-        if (finder := _finder(scene, slide, angles, limits, tolerance, tell, missing)) and (
-            around := finder.around(first)
-        ):
-            other = finder.closest(tasks, begun, around).solution
-            if other.residual < solution.residual - 1e-9:
-                solution, model = replace(other, iterations=solution.iterations + finder.count), finder.model
-    state, seconds = solution.state, clock.perf_counter() - began
-    straight = not (hard and limits) or _keeps_to(limits, model, begun)
+    motion = _Motion(model, settings, progress)
+    normal = normal_of(float(roll), float(pitch))
+    outcome, step = motion.go(position, normal)
+    state = motion.model.state()
     found = roll_pitch(state.equilibrium_rotation[:, 2])
+    tasks = settings.tasks(position, normal)
     return {
-        "outcome": str(solution.outcome),
-        "reason": solution.reason,
-        "reached": solution.outcome is Outcome.REACHED,
+        "outcome": str(outcome),
+        "reason": "" if outcome is Outcome.REACHED else motion.reason,
+        "reached": outcome is Outcome.REACHED,
         "angles": state.angles.tolist(),
         "torques": state.torques.tolist(),
         "position": state.equilibrium.tolist(),
         "roll": found[0],
         "pitch": found[1],
-        "error": solution.residual,
+        "error": missed(tasks, state),
         **_mesh_error(model, state.angles),
-        "residuals": dict(solution.residuals),
-        "active_limits": list(solution.active_limits),
-        "kkt": solution.kkt,
-        "iterations": solution.iterations,
-        "straight_way": straight,
-        "seconds": seconds,
+        "residuals": {n: d for task in tasks for n, d in task.distances(task.rows(state).error).items()},
+        "active_limits": [] if outcome is Outcome.REACHED else list(step.result.active_limits),
+        "kkt": step.result.kkt,
+        "iterations": motion.linearisations,
+        "path": [stop.tolist() for stop in (*motion.path, state.angles)],
+        "seconds": clock.perf_counter() - began,
     }
 
 
-def _finder(
-    scene: Scene,
-    slide: float,
-    angles: AngleLimit,
-    limits: Sequence[RowLimit],
-    tolerance: float,
-    progress: Callable[[int, float], None] | None,
-    missing: float,
-) -> Pathfinder | None:
-    """Return what finds ways around snaps; None where the scene cannot begin with as little patience as that has."""
-    try:
-        atlas = Atlas.of(scene, slide, progress and (lambda poses: progress(poses, missing)))
-    except (SceneError, StepError):
-        return None
-    return Pathfinder(atlas, angles, limits, tolerance=tolerance, progress=progress)
+def missed(tasks: Sequence[Task], state: LinearState) -> float:
+    """Return what tasks miss in a state [m]."""
+    return total_distance(tasks, [task.rows(state).error for task in tasks])
+
+
+class _Motion:
+    """The motion of a model to a target, commanded as the node does.
+
+    Attributes:
+        model: The robot.
+        reason: Why it does not come closer, in words.
+        path: Angles [rad] through which it was led before the last.
+    """
+
+    def __init__(
+        self, model: StaticModel, settings: TrackerSettings, progress: Callable[[int, float], None] | None
+    ) -> None:
+        """`progress`: see `solve_once`."""
+        joints = joints_of(model.scene)
+        assert joints is not None
+        self.model, self._progress, self._settings = model, progress, settings
+        self._tracker = Tracker(settings, guide=self._way)
+        self._tracker.resize(joints.count)
+        self._tracker.narrow(joints.low, joints.high, settings.angle_speed)
+        self._finder: Pathfinder | None = None
+        self._least = np.inf
+        self.reason = ""
+        self.path: list[FloatArray] = []
+
+    @property
+    def linearisations(self) -> int:
+        """How many states of the robot were computed."""
+        return self.model.linearisations + (self._finder.model.linearisations if self._finder else 0)
+
+    def go(self, position: FloatArray, normal: FloatArray) -> tuple[Outcome, TrackerStep]:
+        """Move to `position` [m] and `normal`, shape (3,) each; return how it ended, and the last command."""
+        tasks = self._settings.tasks(position, normal)
+        self._tracker.aim(position, None if self._settings.goal is Goal.POSITION else normal, 0.0)
+        state, rests = self.model.state(), 0
+        outcome = Outcome.UNFINISHED
+        for k in range(STEPS):
+            step = self._tracker.update(state, k * DT)
+            self._tell(missed(tasks, state))
+            if not step.result.ok:
+                self.reason = step.result.status
+                return Outcome.FAILED, step
+            try:
+                state, before = self.model.follow(step.result.command, shortest=SHORTEST), state
+            except (StepError, SceneError) as error:
+                self.reason = str(error)
+                return Outcome.CLOSEST, step
+            still = np.abs(state.angles - before.angles).max() < STILL and not step.waits
+            met = missed(tasks, state) <= self._settings.tolerance
+            rests = rests + 1 if still and (met or step.activity is Activity.CLOSEST) else 0
+            if rests == RESTS:
+                outcome = Outcome.REACHED if met else Outcome.CLOSEST
+                break
+        else:
+            self.reason = f"{STEPS} commands did not bring it to rest"
+        if outcome is Outcome.CLOSEST:
+            self.reason = why_closest(step.result.active_limits, self.reason)
+        return outcome, step
+
+    def _tell(self, missing: float) -> None:
+        self._least = min(self._least, missing)
+        if self._progress:
+            self._progress(self.linearisations, self._least)
+
+    def _way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()) -> Way:
+        """Return the way to the closest pose: see `Ask`."""
+        try:
+            if self._finder is None:
+                atlas = Atlas.of(self.model.scene, self.model.slide, lambda _: self._tell(np.inf))
+                self._finder = Pathfinder(
+                    atlas, *self._tracker.reach, progress=lambda _, missing: self._tell(missing)
+                )
+            way = self._finder.way(state, tasks, trail)
+        except (SceneError, StepError) as error:
+            self.reason = f"no model to look farther: {error}"
+            return NOWHERE
+        self.reason = way.reason
+        self.path += [state.angles, *way.stops[:-1]]
+        return way
 
 
 def _mesh_error(model: StaticModel, angles: FloatArray) -> dict[str, Any]:
@@ -164,13 +229,3 @@ def _check_near(target: FloatArray, model: StaticModel) -> None:
         return
     middle, far = np.asarray(pose.position), FAR * float(np.ptp(model.simulation.positions, axis=0).max())
     TargetBox(middle - far, middle + far).check_position(target, other_unit)
-
-
-def _keeps_to(limits: Sequence[RowLimit], model: StaticModel, begun: FloatArray) -> bool:
-    """Return whether the servos can go straight from the angles `begun` [rad] to where `model` stands."""
-    way = np.linspace(model.angles, begun, WAY + 1)[1:]
-    try:
-        passed = [hard_limits_passed(model.move(angles), limits) for angles in way]
-    except (StepError, SceneError):
-        return False
-    return max(passed) <= max(PASSED, passed[-1])  # a start beyond a limit only has to come back

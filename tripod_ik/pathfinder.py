@@ -32,18 +32,18 @@ PROMISING, SEEDS = 80, 16
 BEND = 0.03
 """How fast Jacobians turn [m/rad²], see `tasks.PositionTask`; by half of that times its square a step may miss less."""
 
-CHUNK, PROGRAMS = 5, 200
+CHUNK, PROGRAMS = 5, 120
 """Programs that a search solves at once, and all of them together, at most."""
 
 APART, OFF = 0.1, 5e-4
 """Poses whose angles [rad] and effectors [m] differ by less are on the way to the same one."""
 
-GAIN = 1e-4
+GAIN = 3e-4
 """Part of what is missing that a search has to gain by so many programs to go on."""
 
-FARTHEST, MARGIN = 0.016, 2e-3
-"""Poses are looked at that are so far from home [m], from where a search goes on by itself, and to leave one that is
-farther those up to it, and by MARGIN more."""
+FARTHEST, EVERY = 0.013, 4
+"""Poses are looked at that are so far from home [m], from where a search goes on by itself. To one that is farther the
+model comes by every fourth pose of the robot's trail."""
 
 DETOUR, GAINED = 8e-3, 2e-3
 """No way takes the effector so much farther from what it is to do than where it begins [m], unless that brings it
@@ -72,13 +72,17 @@ Stop = tuple[Saved, LinearState]
 """A pose of a way: what brings the model there, and its state."""
 
 
+HERE = -1
+"""In place of the number of a pose of the atlas: where the robot is."""
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """The end of a search.
 
     Attributes:
         solution: The pose.
-        number: The pose of the atlas that the search began at.
+        number: The pose of the atlas that the search began at; `HERE`: where the robot is.
         trail: The poses from there to the end, in this order.
     """
 
@@ -145,15 +149,35 @@ class Pathfinder:
         self._atlas.within(FARTHEST)
         _ = self._atlas.roads
 
-    def around(self, state: LinearState) -> list[int]:
-        """Bring the model to `state`; return the poses that hang together with that, by poses within the limits.
+    def around(self, state: LinearState, trail: Sequence[LinearState] = ()) -> tuple[list[int], list[Stop]]:
+        """Bring the model to `state`; return the poses that hang together with that, by poses within the limits, the
+        nearest one first, and the stops from there to `state`; no poses where the model does not come to `state`.
 
-        The first of them is the nearest one; none where the model does not come to `state`.
+        `trail`: states that the robot came by. A state farther off than the poses of the atlas is come to by these.
         """
-        far = max(FARTHEST, self._atlas.distance(state.equilibrium) + MARGIN)
-        inside = self._atlas.within(far)
+        inside = self._atlas.within(FARTHEST)
+        stops: list[Stop] = []
         start = self._atlas.find(state, inside)
-        return [] if start is None else self._hanging_together(start, inside)
+        if start is None:
+            start, stops = self._along(trail, state, inside)
+        return ([], []) if start is None else (self._hanging_together(start, inside), stops)
+
+    def _along(
+        self, trail: Sequence[LinearState], state: LinearState, inside: Collection[int]
+    ) -> tuple[int | None, list[Stop]]:
+        """Bring the model to `state` along a trail; return the pose that it came from and the stops on the way."""
+        near = [k for k, passed in enumerate(trail) if self._atlas.distance(passed.equilibrium) < FARTHEST]
+        for first in sorted({0, *near[-1:]}, reverse=True) if trail else ():
+            if (start := self._atlas.find(trail[first], inside)) is None:
+                continue
+            stops = [(self.model.save(), trail[first])]
+            with suppress(StepError, SceneError):
+                for there in (*trail[first + 1 :: EVERY], state):
+                    passed = self.model.follow(there.angles, shortest=SHORTEST / 4)
+                    stops.append((self.model.save(), passed))
+                if np.abs(passed.equilibrium - state.equilibrium).max() < SAME:
+                    return start, stops[:-1]
+        return None, []
 
     def _hanging_together(self, start: int, among: Collection[int]) -> list[int]:
         """Return the poses of `among` that hang together with `start`, that first, by poses within the limits."""
@@ -166,7 +190,10 @@ class Pathfinder:
         return found
 
     def closest(
-        self, tasks: Sequence[Task], near: FloatArray, around: Collection[int] | None = None
+        self,
+        tasks: Sequence[Task],
+        near: FloatArray,
+        around: Collection[int] | None = None,
     ) -> Found:
         """Return the pose that meets `tasks` best; the model stands there.
 
@@ -180,13 +207,23 @@ class Pathfinder:
             around: Poses of the atlas that it has to hang together with; None for home.
         """
         if around is None:
-            around = self.around(self._atlas.poses[0].state)
+            around, _ = self.around(self._atlas.poses[0].state)
         inside = self._atlas.within(FARTHEST)
         straight = [
             replace(task, curvature=0.0) if isinstance(task, PositionTask | TiltTask) else task
             for task in tasks
         ]
         todo = self._promising(straight, sorted(inside.intersection(around) or around))
+        return self._best(tasks, straight, todo, near)
+
+    def _best(
+        self,
+        tasks: Sequence[Task],
+        straight: Sequence[Task],
+        todo: list[tuple[Promise, Found]],
+        near: FloatArray,
+    ) -> Found:
+        """Return the best end of the searches `todo`; `straight`: the tasks as a promise counts them."""
         best: Found | None = None  # of those that have ended
         most = self.count + PROGRAMS
         while todo and self.count < most:
@@ -240,6 +277,10 @@ class Pathfinder:
             with suppress(StepError, SceneError):
                 self.model.follow(inside, shortest=SHORTEST)
                 trail = (*trail, (self.model.save(), self.model.state()))
+        return self._search(tasks, number, trail)
+
+    def _search(self, tasks: Sequence[Task], number: int, trail: tuple[Stop, ...]) -> Found:
+        """Return the search that begins at the end of a trail."""
         state = trail[-1][1]
         missed = _missed(tasks, state)
         solution = Solution(Outcome.UNFINISHED, "", state, missed, {}, (), 0.0, np.inf, 0, 0.0)
@@ -268,7 +309,7 @@ class Pathfinder:
             self._progress(self.count, solution.residual)
         return Found(solution, found.number, (*found.trail, *self._solver.trail))
 
-    def way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
+    def way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()) -> Way:
         """Return the way from `state` to the pose that meets `tasks` best; `NOWHERE` where the model does not come to
         `state`. It is an `Ask` that answers at once.
 
@@ -279,43 +320,90 @@ class Pathfinder:
             seen = [(image, [image.task(task) for task in tasks]) for image in self._atlas.images]
             asked = [(image, tuple(t for t in found if t)) for image, found in seen if all(found)] or asked
         image, tasks = max(asked, key=lambda question: _order(state, *question))
-        way = self._way(image.state(state), tasks)
-        return Way(
-            np.array([image.back(stop) for stop in way.stops]).reshape(way.stops.shape), way.residual,
-            image.names(way.limits, state.joint_names), way.firmness,
+        way = self._way(image.state(state), tasks, [image.state(passed) for passed in trail])
+        return replace(
+            way,
+            stops=np.array([image.back(stop) for stop in way.stops]).reshape(way.stops.shape),
+            limits=image.names(way.limits, state.joint_names),
         ) if way is not NOWHERE else NOWHERE  # fmt: skip
 
-    def _way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
-        around = self.around(state)
+    def _way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState]) -> Way:
+        around, back = self.around(state, trail)
         if not around:
             return NOWHERE
         farthest = _missed(tasks, state) + DETOUR
         poses = self._atlas.poses
         inside = {number for number in around[1:] if _missed(tasks, poses[number].state) <= farthest}
-        near = self._hanging_together(around[0], inside)
-        here = self.model.save()
-        best = self.closest(tasks, state.angles, near)
-        if best.solution.residual > GAINED and len(near) < len(around):
-            far = self.closest(tasks, state.angles, around)
-            if far.solution.residual < best.solution.residual - GAINED:
-                best, near = far, around
-        around = near
-        ways, rest = self._atlas.roads.ways(around[0], around), best.trail[1:]
+        near, here = self._hanging_together(around[0], inside), (self.model.save(), state)
+        best, among = self.closest(tasks, state.angles, around), around
+        if best.number not in near and len(near) < len(around):
+            closer = self.closest(tasks, state.angles, near)
+            if closer.solution.residual <= max(best.solution.residual + GAINED, GAINED):
+                best, among = closer, near
+        if back:  # it is beyond the poses of the atlas: perhaps it is better to go on
+            begun = self._search(tasks, HERE, (here,))
+            on = self._best(tasks, tasks, [((0.0, 0.0), begun)], state.angles)
+            if on.solution.residual < best.solution.residual + SAME:
+                best = on
+        stops, searched = self._stops(best, around[0], among, [here, *reversed(back)])
+        kept = self._shortened(stops, searched)
+        return Way(
+            np.array([stop.angles for _, stop in kept[1:]]),
+            best.solution.residual,
+            best.solution.active_limits,
+            np.array([stop.firmness for _, stop in kept[1:]]),
+            self._reason(tasks, state, best.solution, around),
+        )
+
+    def _stops(
+        self, best: Found, start: int, among: Collection[int], back: Sequence[Stop]
+    ) -> tuple[list[Stop], int]:
+        """Return the stops from where the robot is to the end of a search, and how many of the last are the search's.
+
+        Args:
+            best: The search.
+            start: The pose of the atlas that the robot came from.
+            among: Poses of the atlas that the way may lead by.
+            back: Where the robot is, and the stops from there to that pose.
+        """
+        rest = best.trail[1:]
+        if best.number == HERE:
+            return [back[0], *rest], len(rest)
+        ways = self._atlas.roads.ways(start, among)
         number, longest = best.number, ways.time(best.number) + time_of([found for _, found in best.trail])
-        for time, other in self._atlas.near(best.solution.state, around, ways):
+        for time, other in self._atlas.near(best.solution.state, among, ways):
             if time > longest - WORTH or other == best.number:
                 break
             if self._atlas.comes_to(best.solution.state, other):
                 number, rest = other, best.trail[-1:]
                 break
         poses = [self._atlas.poses[n] for n in ways.to(number)]
-        kept = self._shortened([(here, state), *((p.saved, p.state) for p in poses), *rest], len(rest))
-        return Way(
-            np.array([stop.angles for _, stop in kept[1:]]),
-            best.solution.residual,
-            best.solution.active_limits,
-            np.array([stop.firmness for _, stop in kept[1:]]),
-        )
+        return [*back, *((p.saved, p.state) for p in poses), *rest], len(rest)
+
+    def _reason(
+        self, tasks: Sequence[Task], state: LinearState, solution: Solution, around: Sequence[int]
+    ) -> str:
+        """Return what limits of torques and effector have to do with what a solution misses; empty: nothing.
+
+        Found by a search without them, where they were active or part poses from those of `around`.
+        """
+        if not self._row_limits or solution.residual <= GAINED:
+            return ""
+        free = Pathfinder(self._atlas, self._angles, tolerance=self._tolerance, progress=self._progress)
+        all_around = free._hanging_together(around[0], self._atlas.within(FARTHEST))
+        names = {name for limit in self._row_limits for name in limit.rows(state).names}
+        if len(all_around) == len(around) and names.isdisjoint(solution.active_limits):
+            return ""
+        other = free.closest(tasks, state.angles, all_around).solution
+        self.count += free.count
+        if other.residual > solution.residual - GAINED:
+            return ""
+        closer = f"{1e3 * (solution.residual - other.residual):.1f} mm closer"
+        if needs := [
+            limit.needs(other.state) for limit in self._row_limits if limits_passed(other.state, [limit])
+        ]:
+            return f"a pose {closer} needs {' and '.join(needs)}"
+        return f"the way to a pose {closer} passes the limit of the {self._row_limits[0].what}"
 
     def _shortened(self, stops: Sequence[Stop], searched: int) -> list[Stop]:
         """Return stops without some of the first and last ones: where the way begins and ends is not on the grid.

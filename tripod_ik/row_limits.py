@@ -73,6 +73,10 @@ class RowLimit(ABC):
         """What it limits."""
 
     @abstractmethod
+    def needs(self, state: LinearState) -> str:
+        """Return what a pose beyond the limit needs, in words."""
+
+    @abstractmethod
     def rows(self, state: LinearState) -> LimitRows:
         """Return the rows at `state`."""
 
@@ -104,6 +108,11 @@ class TorqueLimit(RowLimit):
     def size(self, n: int) -> int:
         """Return n: a row a servo."""
         return n
+
+    def needs(self, state: LinearState) -> str:
+        """Return the largest torque, and the limit."""
+        limit = f"{np.min(self.maximum):g}"
+        return f"a torque of {np.abs(state.torques).max():.2g} N m (limit {limit} N m)"
 
     def rows(self, state: LinearState) -> LimitRows:
         """Return -maximum - tau ≤ K δ ≤ maximum - tau [N m]."""
@@ -137,6 +146,11 @@ class EffectorBox(RowLimit):
     def size(self, n: int) -> int:
         """Return 3: x, y and z."""
         return 3
+
+    def needs(self, state: LinearState) -> str:
+        """Return where the effector is."""
+        place = ", ".join(f"{1e3 * x:.1f}" for x in state.equilibrium)
+        return f"the effector at {place} mm, outside of the box"
 
     def rows(self, state: LinearState) -> LimitRows:
         """Return low - p ≤ J δ ≤ high - p [m], p the equilibrium."""

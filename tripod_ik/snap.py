@@ -77,6 +77,10 @@ class SnapLimit(RowLimit):
         """Return 1."""
         return 1
 
+    def needs(self, state: LinearState) -> str:
+        """Return the firmness."""
+        return f"a firmness of {state.firmness:.2g} (limit {self.least:g})"
+
     def rows(self, state: LinearState) -> LimitRows:
         """Return 2 ρ dρ/dα δ ≥ share (least² - ρ²); a row of zeros where the slope is not known."""
         rho = state.firmness

@@ -210,7 +210,7 @@ class Tracker:
         self._time = 0.0
         self._kept: FloatArray | None = None
         self._side = 0.0
-        self._trail: deque[FloatArray] = deque(maxlen=TRAIL)
+        self._trail: deque[LinearState] = deque(maxlen=TRAIL)
         self._back: float | None = None
         self._trust = self.settings.step
         self._least: float | None = None
@@ -241,7 +241,7 @@ class Tracker:
         if led is not None:
             tasks = (PostureTask(led, weight=1.0),)
         elif beyond:
-            tasks = (PostureTask(self._trail[-1], weight=1.0),)
+            tasks = (PostureTask(self._trail[-1].angles, weight=1.0),)
         free = beyond or led is not None
         step = self.settings.step if free else min(self._trust, longest_step(state))
         limits = (self._limits[0], StepLimit(step), self._limits[1])
@@ -268,8 +268,9 @@ class Tracker:
         closest = activity is Activity.CLOSEST
         waits = led is not None and self._guidance.waits
         self._guidance.look(
-            state, wanted_tasks, aimed, result.residual, now, closest=closest, before_snap=before_snap
-        )
+            state, wanted_tasks, aimed, result.residual, now, closest=closest, before_snap=before_snap,
+            trail=tuple(self._trail),
+        )  # fmt: skip
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING
         left = result.residuals.get(TILT, 0.0)
@@ -391,16 +392,16 @@ class Tracker:
                 return False
             if self._back is None:
                 self._back = now
-            arrived = calm and np.abs(state.angles - self._trail[-1]).max() < SPACING / 10
+            arrived = calm and np.abs(state.angles - self._trail[-1].angles).max() < SPACING / 10
             if arrived and now - self._back > RETURN:
                 self._trail.pop()
                 self._back = now
             return bool(self._trail)
         self._back = None
         if calm or not self._trail:  # the last pose is the present one, others are apart
-            if len(self._trail) > 1 and np.abs(state.angles - self._trail[-2]).max() < SPACING:
+            if len(self._trail) > 1 and np.abs(state.angles - self._trail[-2].angles).max() < SPACING:
                 self._trail.pop()
-            self._trail.append(state.angles)
+            self._trail.append(state)
         return False
 
     def _present_error(self, state: LinearState, wanted: FloatArray) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_ik.snap import SNAP
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 
@@ -20,20 +21,42 @@ class Way:
         residual: What is missing there [m].
         limits: What keeps the effector from coming closer there.
         firmness: Of the stops, shape (k,).
+        reason: Why the pose is no closer, in words; empty where the target is met, or nothing is known.
     """
 
     stops: FloatArray
     residual: float
     limits: tuple[str, ...]
     firmness: FloatArray
+    reason: str = ""
 
 
-NOWHERE = Way(np.empty((0, 0)), np.inf, (), np.empty(0))
+NEAR_WAY = "closest pose near the way here"
+"""What there is to say where no way to a better one is known."""
+
+NOWHERE = Way(
+    np.empty((0, 0)), np.inf, (), np.empty(0),
+    f"{NEAR_WAY}; the robot does not rest as its model does: go to the working pose, or give the robot's scene",
+)  # fmt: skip
 """No way is known."""
+
+
+def why_closest(limits: Sequence[str], reason: str) -> str:
+    """Return why a closest pose is no closer, in words: what is known of that, else the active `limits`."""
+    if reason:
+        return reason
+    if SNAP in limits:
+        return "beyond this pose the body would snap to another shape"
+    return f"kept off by {', '.join(limits)}" if limits else "no step from here comes closer"
 
 
 class Ask(Protocol):
     """Who knows ways."""
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
-        """Return the way from a state to the pose that meets tasks best; None is no answer yet: to be asked again."""
+    def __call__(
+        self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
+    ) -> Way | None:
+        """Return the way from a state to the pose that meets tasks best; None is no answer yet: to be asked again.
+
+        `trail`: states that the robot came by, in this order.
+        """

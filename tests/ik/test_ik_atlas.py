@@ -5,7 +5,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_ik.atlas import Atlas
-from tripod_ik.model import StaticModel, image_of, working_angles
+from tripod_ik.model import StaticModel, image_of
 from tripod_sim import load_scene
 
 SLIDE = 0.012
@@ -13,7 +13,7 @@ SLIDE = 0.012
 
 @pytest.fixture(scope="module")
 def model():
-    return StaticModel(load_scene(SHARP), SLIDE, working_angles(3) * SLIDE / 0.035)
+    return StaticModel(load_scene(SHARP), SLIDE)
 
 
 def atlas_of(model, around=0.5):

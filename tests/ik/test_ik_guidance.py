@@ -12,13 +12,13 @@ from tests.ik.plant import SpringRobot
 from tests.messages import assert_names, raises_naming
 from tripod_ik.errors import IkError
 from tripod_ik.guidance import Guidance
-from tripod_ik.guide import HANDOVER, NEAR_WAY, Guide
+from tripod_ik.guide import HANDOVER, Guide
 from tripod_ik.problem import build_ik
 from tripod_ik.solver import IkSolver
 from tripod_ik.tasks import PositionTask, PostureTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
-from tripod_ik.way import NOWHERE, Way
+from tripod_ik.way import NEAR_WAY, NOWHERE, Way
 
 WORKING = np.full(3, -1.4965)
 DT = 0.01  # [s]
@@ -34,8 +34,8 @@ class Robot:
         self.angles, self.now = WORKING, 0.0
         self.tracker.target = self.plant.rest(WORKING) + np.array([0.0, 0.0, 0.1])
 
-    def ask(self, state, tasks):
-        self.questions.append((state, tasks))
+    def ask(self, state, tasks, trail):
+        self.questions.append((state, tasks, trail))
         return self.answers.pop(0)
 
     def run(self, ticks, *, obeys=True):
@@ -168,7 +168,7 @@ class Finder:
     def prepare(self):
         self.prepared = True
 
-    def way(self, state, tasks):
+    def way(self, state, tasks, trail):
         assert self.go.wait(60)
         if isinstance(self.answer, Exception):
             raise self.answer
@@ -257,7 +257,7 @@ def test_a_guide_hands_the_interpreter_over_while_it_looks():
 
 def test_it_asks_as_soon_as_the_target_stands_still_where_steps_do_not_better_the_pose():
     state, target, asked = SpringRobot(slide=0.035).state(WORKING), np.zeros(6), []
-    guidance = Guidance(lambda state, tasks: asked.append(state))
+    guidance = Guidance(lambda state, *_: asked.append(state))
     for k in range(8):  # the target moves
         guidance.look(state, (), target + 1e-3 * k, 3e-3, k * DT, closest=True)
     for k in range(8, 16):  # steps come closer
@@ -270,7 +270,7 @@ def test_it_asks_as_soon_as_the_target_stands_still_where_steps_do_not_better_th
 @pytest.mark.parametrize(("closest", "waits"), [(True, True), (False, False)])
 def test_a_robot_that_could_still_move_waits_for_an_answer_for_a_short_while_only(closest, waits):
     state, target = SpringRobot(slide=0.035).state(WORKING), np.zeros(6)
-    guidance = Guidance(lambda state, tasks: None)
+    guidance = Guidance(lambda *_: None)
     for now in (0.0, DT):
         guidance.look(state, (), target, 3e-3, now, closest=closest, before_snap=True)
 

@@ -158,11 +158,11 @@ def test_without_a_start_the_model_begins_as_near_to_the_working_pose_as_the_ser
         ({"target": [0, 35, 0]}, ("target y", "35 m", "-0.2236 to 0.2236 m", "millimetres", "0.035 m")),
         ({"target": [0, 0, -0.3]}, ("target z", "-0.3 m", "-0.2319 to 0.2154 m")),
         ({"tilt": (0.1,)}, ("tilt", "(1,)")),
-        ({"torque_max": -1.0}, ("torque limit", "-1 N m")),
+        ({"torque_max": -1.0}, ("torque_max", "-1.0 N m")),
         ({"start": [0, 0]}, ("start", "(2,)")),
         ({"start": [0, 0, 9.0]}, ("servo_2", "9 rad", "-2.1 to 0.6 rad")),
         ({"slide": 0.5}, ("slide", "0.5 m", "0 to 0.04 m")),
-        ({"tolerance": 0.0}, ("tolerance", "0 m")),
+        ({"tolerance": 0.0}, ("tolerance", "0.0 m")),
     ],
 )
 def test_bad_questions_are_refused(values, named):

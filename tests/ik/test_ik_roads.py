@@ -9,7 +9,7 @@ from tests.ik.plant import SpringRobot
 from tests.scenes import SHARP
 from tripod_ik.atlas import SPACING, Atlas
 from tripod_ik.guidance import steps_of
-from tripod_ik.model import StaticModel, working_angles
+from tripod_ik.model import StaticModel
 from tripod_ik.roads import LEAST, SPEED, TURN, Roads, quickest, time_of
 from tripod_ik.snap import HURRY
 from tripod_sim import load_scene
@@ -82,7 +82,7 @@ def test_where_the_body_does_not_get_softer_a_way_is_as_long_as_its_jacobian_say
 
 @pytest.fixture(scope="module")
 def flat():
-    model = StaticModel(load_scene(SHARP), SLIDE, working_angles(3))
+    model = StaticModel(load_scene(SHARP), SLIDE)
     return Atlas(model, model.home - 0.6, model.home + 0.6)
 
 

@@ -450,7 +450,9 @@ def test_towards_a_snap_the_program_has_the_curvature_of_what_it_minimises(off):
         ("servo_0",), np.array([-1.0]), np.zeros(1), np.array([-c * rho, 0.0, 0.0]), np.array([0, 0, 0, 1.0]),
         np.zeros(6), W, firmness=rho, firmness_slope=np.array([-k / (2 * rho)]),
     )  # fmt: skip
-    task = PositionTask(state.equilibrium + [off, 0.0, 0.0], np.array([1.0, 0.0, 0.0]), curvature=curvature)
+    task = PositionTask(
+        state.equilibrium + np.array([off, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), curvature=curvature
+    )
     problem = build_ik(state, [task])
     sigma = J**2 + curvature * abs(off)
     found = (problem.P[0, 0] - REGULARISATION) * sigma - curvature * abs(off)
