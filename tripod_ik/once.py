@@ -35,8 +35,8 @@ FAR = 2.0
 DT, STEPS = 0.02, 600
 """Time between commands [s], and how many there are at most."""
 
-STILL, RESTS = 1e-9, 3
-"""Turn of the servos [rad] in a command that moves nothing any more, and how many of these end the motion."""
+GAINED, RESTS = 1e-9, 10
+"""So many commands that bring a robot at its closest pose no closer than this [m] end the motion."""
 
 SHORTEST = 1e-4
 """Part of the way to a command [rad] below which the end of the equilibria is not looked for more closely."""
@@ -78,7 +78,8 @@ def solve_once(
         hard: Whether torques and box are hard limits.
         box: Smallest and largest corner of where the effector may be [m], or None.
         tolerance: What may be missing where the target counts as reached [m].
-        progress: Called with the number of linearisations so far and with the least that was missing so far [m].
+        progress: Called with the number of linearisations so far and with the least that was missing so far [m]; at
+            last with those of the answer.
 
     Returns:
         outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
@@ -164,24 +165,32 @@ class _Motion:
 
     def go(self, position: FloatArray, normal: FloatArray) -> tuple[Outcome, TrackerStep]:
         """Move to `position` [m] and `normal`, shape (3,) each; return how it ended, and the last command."""
+        outcome, step = self._go(position, normal)
+        self._least = missed(self._settings.tasks(position, normal), self.model.state())
+        self._tell(self._least)
+        return outcome, step
+
+    def _go(self, position: FloatArray, normal: FloatArray) -> tuple[Outcome, TrackerStep]:
         tasks = self._settings.tasks(position, normal)
         self._tracker.aim(position, None if self._settings.goal is Goal.POSITION else normal, 0.0)
-        state, rests = self.model.state(), 0
+        state, rests, least = self.model.state(), 0, np.inf
         outcome = Outcome.UNFINISHED
         for k in range(STEPS):
             step = self._tracker.update(state, k * DT)
-            self._tell(missed(tasks, state))
             if not step.result.ok:
                 self.reason = step.result.status
                 return Outcome.FAILED, step
             try:
-                state, before = self.model.follow(step.result.command, shortest=SHORTEST), state
+                state = self.model.follow(step.result.command, shortest=SHORTEST)
             except (StepError, SceneError) as error:
                 self.reason = str(error)
                 return Outcome.CLOSEST, step
-            still = np.abs(state.angles - before.angles).max() < STILL and not step.waits
-            met = missed(tasks, state) <= self._settings.tolerance
-            rests = rests + 1 if still and (met or step.activity is Activity.CLOSEST) else 0
+            missing = missed(tasks, state)
+            self._tell(missing)
+            met = missing <= self._settings.tolerance
+            ended = (met or step.activity is Activity.CLOSEST) and not step.waits
+            rests = rests + 1 if ended and missing > least - GAINED else 0
+            least = min(least, missing)
             if rests == RESTS:
                 outcome = Outcome.REACHED if met else Outcome.CLOSEST
                 break

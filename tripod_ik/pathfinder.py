@@ -389,7 +389,7 @@ class Pathfinder:
         """
         if not self._row_limits or solution.residual <= GAINED:
             return ""
-        free = Pathfinder(self._atlas, self._angles, tolerance=self._tolerance, progress=self._progress)
+        free = Pathfinder(self._atlas, self._angles, tolerance=self._tolerance)
         all_around = free._hanging_together(around[0], self._atlas.within(FARTHEST))
         names = {name for limit in self._row_limits for name in limit.rows(state).names}
         if len(all_around) == len(around) and names.isdisjoint(solution.active_limits):

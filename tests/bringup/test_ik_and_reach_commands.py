@@ -2,13 +2,14 @@
 
 import csv
 import json
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 from tests.messages import assert_names, line_naming
-from tripod_bringup import cli
-from tripod_bringup.ik_command import SearchProgress
+from tripod_bringup import cli, ik_command
+from tripod_sim import scene_file
 
 COARSE = ["--set", "mesh.level=1"]
 
@@ -78,7 +79,7 @@ def test_a_tilt_is_printed_in_degrees() -> None:
             ["ik", "--target", "0 0 0", "--box", "1 0 0 0 1 1"],
             ("box", "[1.0, 0.0, 0.0] m", "[0.0, 1.0, 1.0] m"),
         ),
-        (["ik", "--target", "0 0 0", "--torque-max", "nan"], ("torque", "nan N m", "positive")),
+        (["ik", "--target", "0 0 0", "--torque-max", "nan"], ("torque_max", "nan N m", "positive")),
         (
             ["ik", "--target", "0 0 0", "--scene", "silicone"],
             ("scene 'silicone'", "no servos", "no effector"),
@@ -131,8 +132,19 @@ def test_reach_writes_table_picture_and_summary(tmp_path) -> None:
     assert given["layers"]
 
 
-def test_the_progress_of_a_search_does_not_run_backwards(capsys: pytest.CaptureFixture[str]) -> None:
-    progress = SearchProgress()
-    progress(10, 0.005)
-    progress(3, 0.009)
-    assert_names(capsys.readouterr().err.split("\r")[-1], "10 linearisations", "5.000 mm")
+def test_the_first_line_of_progress_comes_before_a_scene_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal; the last line before the answer has the answer's number of linearisations and distance."""
+    said, load = list[str](), scene_file.load_scene
+
+    def read(*words: object) -> object:
+        assert said
+        return load(*words)
+
+    terminal = SimpleNamespace(isatty=lambda: True, write=said.append, flush=lambda: None)
+    monkeypatch.setattr(ik_command, "sys", SimpleNamespace(stderr=terminal))
+    monkeypatch.setattr(scene_file, "load_scene", read)
+    result = tripod("ik", "--target", "0,0,0.02", *COARSE, "--set", "mesh.element=h8")
+    text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
+    told = [line for line in said if " linearisations" in line]
+    count, missing = text["solved by"].split()[0], text["residual"].split()[1]
+    assert_names(told[-1], f"{count} linearisations", f"{float(missing):.3f} mm left")

@@ -6,7 +6,8 @@ pytest.importorskip("tripod_msgs")
 
 from tripod_msgs.msg import IkStatus
 
-from tests.ik.ik_graph import WORKING, start_alone
+from tests.ik.ik_graph import WORKING, standing_at, start_alone
+from tests.messages import assert_names
 from tests.scenes import SHARP
 from tripod_graph import names
 from tripod_ik.once import solve_once
@@ -48,6 +49,39 @@ def test_an_answer_tells_the_error_of_the_mesh_where_the_scene_asks_for_it_as_tr
     sim.say_target(target)
     graph.wait(lambda: sim.states[-1].message == "" and sim.states[-1].error < 1e-6)
     graph.wait(lambda: abs(sim.states[-1].effector_mesh_error - wanted) < NEAR)
+
+
+def start_parked(graph, **parameters):
+    """Start the node where the robot is flat, and its servos allow no angle above 0."""
+    graph.sim.follower = standing_at(np.zeros(3))
+    start_alone(graph, scene=SHARP, set="servos.angle_max=0", slide=0.0, angle_max=0.0, **parameters)
+    graph.wait_state(IkStatus.TRACKING, "no target yet")
+    graph.sim.say_target([0.005, 0.0, -0.006])
+
+
+def test_from_the_parked_pose_it_says_which_torque_a_closer_pose_needs_as_the_command_does(graph):
+    """A slide of 0 stretches the strips: the pose at the target needs nearly three times the torque of the servos."""
+    start_parked(graph)
+    once = solve_once(
+        load_scene(SHARP, ["servos.angle_max=0"]), [0.005, 0.0, -0.006], slide=0.0, start=[0.0] * 3
+    )
+    assert not once["reached"]
+    assert_names(once["reason"], "torque", "limit 0.3 N m")
+    status = graph.wait_state(IkStatus.CLOSEST, *once["reason"].split()[-4:])
+    assert status.message == once["reason"]
+    assert status.residual == pytest.approx(once["error"], abs=1e-6)
+
+
+def test_from_the_parked_pose_it_goes_where_the_command_does(graph):
+    start_parked(graph, torque_max=float("inf"))
+    once = solve_once(
+        load_scene(SHARP, ["servos.angle_max=0"]), [0.005, 0.0, -0.006], slide=0.0, start=[0.0] * 3, torque_max=np.inf
+    )  # fmt: skip
+    assert once["reached"]
+    assert max(once["torques"], key=abs) < -0.3
+    sim = graph.sim
+    graph.wait(lambda: sim.states[-1].error < 1e-6 and sim.states[-1].target.x == 0.005)
+    assert sim.angles == pytest.approx(once["angles"], abs=1e-4)
 
 
 def test_its_own_model_needs_to_know_where_the_robot_is(graph):
