@@ -131,18 +131,15 @@ class Pathfinder:
         self._solver = InverseSolver(
             atlas.model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
         )  # fmt: skip
-        self._allowed: dict[int, bool] = {}
+        self._excess: dict[int, float] = {}
 
-    def _is_allowed(self, number: int) -> bool:
-        """Return whether a pose is within the limits, or beyond them by no more than a step of the grid."""
-        if number not in self._allowed:
+    def _beyond(self, number: int) -> float:
+        """Return how far a pose is beyond the limits [rad]."""
+        if number not in self._excess:
             state = self._atlas.poses[number].state
-            self._allowed[number] = bool(
-                (state.angles >= self._low - SPACING).all()
-                and (state.angles <= self._high + SPACING).all()
-                and limits_passed(state, self._row_limits) <= SPACING
-            )
-        return self._allowed[number]
+            angles = max((self._low - state.angles).max(), (state.angles - self._high).max())
+            self._excess[number] = max(0.0, float(angles), limits_passed(state, self._row_limits))
+        return self._excess[number]
 
     def prepare(self) -> None:
         """Find the poses that every answer looks at: what takes long of the first one."""
@@ -180,11 +177,15 @@ class Pathfinder:
         return None, []
 
     def _hanging_together(self, start: int, among: Collection[int]) -> list[int]:
-        """Return the poses of `among` that hang together with `start`, that first, by poses within the limits."""
+        """Return the poses of `among` that hang together with `start`, that first, by poses within the limits.
+
+        That is to a step of the grid; from a pose that is farther beyond them it may go on to one that is no farther.
+        """
         found, seen = [start], {start}
         for number in found:
             for other in self._atlas.poses[number].neighbours:
-                if other in among and other not in seen and self._is_allowed(other):
+                allowed = self._beyond(other) <= max(SPACING, self._beyond(number))
+                if other in among and other not in seen and allowed:
                     seen.add(other)
                     found.append(other)
         return found

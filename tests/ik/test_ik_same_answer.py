@@ -8,7 +8,7 @@ import pytest
 from tests.scenes import SHARP
 from tests.tiers import sampled
 from tripod_ik.atlas import Atlas
-from tripod_ik.model import StaticModel, home_angles, linear_state
+from tripod_ik.model import home_angles, linear_state
 from tripod_ik.once import solve_once
 from tripod_ik.pathfinder import Pathfinder
 from tripod_ik.tracker import SMOOTH, Activity, Tracker
@@ -69,8 +69,7 @@ def moved(slide: float, start: np.ndarray, target: np.ndarray) -> tuple[np.ndarr
 def test_command_and_node_have_one_answer(seed: int) -> None:
     slide, start, target = question(seed)
     scene = load_scene(SHARP)
-    StaticModel(scene, slide, start)
-    once = solve_once(scene, target, slide=slide, start=start)
+    once = solve_once(scene, target.tolist(), slide=slide, start=start.tolist())
     angles, missing = moved(slide, start, target)
     assert once["reached"] == (missing <= SETTINGS.tolerance), (once["error"], missing)
     assert once["error"] == pytest.approx(missing, abs=5e-5)
