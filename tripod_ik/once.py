@@ -32,7 +32,7 @@ from tripod_sim.tables.fields import other_unit
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
 
-DT, STEPS = 0.02, 600
+DT, STEPS = 0.05, 400
 """Time between commands [s], and how many there are at most."""
 
 GAINED, RESTS = 1e-9, 10

@@ -32,8 +32,9 @@ PROMISING, SEEDS = 80, 16
 BEND = 0.03
 """How fast Jacobians turn [m/rad²], see `tasks.PositionTask`; by half of that times its square a step may miss less."""
 
-CHUNK, PROGRAMS = 5, 120
-"""Programs that a search solves at once, and all of them together, at most."""
+CHUNK, PROGRAMS, LEAST = 5, 120, 30
+"""Programs that a search solves at once, those of an answer, at most, and what is left of these to a second search, at
+least."""
 
 APART, OFF = 0.1, 5e-4
 """Poses whose angles [rad] and effectors [m] differ by less are on the way to the same one."""
@@ -195,6 +196,7 @@ class Pathfinder:
         tasks: Sequence[Task],
         near: FloatArray,
         around: Collection[int] | None = None,
+        most: int = PROGRAMS,
     ) -> Found:
         """Return the pose that meets `tasks` best; the model stands there.
 
@@ -206,6 +208,7 @@ class Pathfinder:
             tasks: What to do.
             near: Of poses equally good the one nearest to these angles [rad] is taken, shape (s,).
             around: Poses of the atlas that it has to hang together with; None for home.
+            most: Programs to solve, at most.
         """
         if around is None:
             around, _ = self.around(self._atlas.poses[0].state)
@@ -215,7 +218,7 @@ class Pathfinder:
             for task in tasks
         ]
         todo = self._promising(straight, sorted(inside.intersection(around) or around))
-        return self._best(tasks, straight, todo, near)
+        return self._best(tasks, straight, todo, near, most)
 
     def _best(
         self,
@@ -223,10 +226,11 @@ class Pathfinder:
         straight: Sequence[Task],
         todo: list[tuple[Promise, Found]],
         near: FloatArray,
+        most: int,
     ) -> Found:
         """Return the best end of the searches `todo`; `straight`: the tasks as a promise counts them."""
         best: Found | None = None  # of those that have ended
-        most = self.count + PROGRAMS
+        most += self.count
         while todo and self.count < most:
             promised, found = min(todo, key=lambda search: search[0])
             if best and promised[0] > best.solution.residual + SAME / 100:
@@ -336,14 +340,16 @@ class Pathfinder:
         poses = self._atlas.poses
         inside = {number for number in around[1:] if _missed(tasks, poses[number].state) <= farthest}
         near, here = self._hanging_together(around[0], inside), (self.model.save(), state)
+        count = self.count
         best, among = self.closest(tasks, state.angles, around), around
         if best.number not in near and len(near) < len(around):
-            closer = self.closest(tasks, state.angles, near)
+            left = max(PROGRAMS - (self.count - count), LEAST)
+            closer = self.closest(tasks, state.angles, near, left)
             if closer.solution.residual <= max(best.solution.residual + GAINED, GAINED):
                 best, among = closer, near
         if back:  # it is beyond the poses of the atlas: perhaps it is better to go on
             begun = self._search(tasks, HERE, (here,))
-            on = self._best(tasks, tasks, [((0.0, 0.0), begun)], state.angles)
+            on = self._best(tasks, tasks, [((0.0, 0.0), begun)], state.angles, LEAST)
             if on.solution.residual < best.solution.residual + SAME:
                 best = on
         stops, searched = self._stops(best, around[0], among, [here, *reversed(back)])
