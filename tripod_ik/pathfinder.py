@@ -32,7 +32,7 @@ PROMISING, SEEDS = 80, 16
 BEND = 0.03
 """How fast Jacobians turn [m/rad²], see `tasks.PositionTask`; by half of that times its square a step may miss less."""
 
-CHUNK, PROGRAMS, LEAST = 5, 120, 30
+CHUNK, PROGRAMS, LEAST = 5, 120, 80
 """Programs that a search solves at once, those of an answer, at most, and what is left of these to a second search, at
 least."""
 
