@@ -340,20 +340,19 @@ class Pathfinder:
         poses = self._atlas.poses
         inside = {number for number in around[1:] if _missed(tasks, poses[number].state) <= farthest}
         near, here = self._hanging_together(around[0], inside), (self.model.save(), state)
-        count = self.count
-        best, among = self.closest(tasks, state.angles, around), around
-        if best.number not in near and len(near) < len(around):
-            left = max(PROGRAMS - (self.count - count), LEAST)
-            closer = self.closest(tasks, state.angles, near, left)
-            if closer.solution.residual <= max(best.solution.residual + GAINED, GAINED):
-                best, among = closer, near
+        begin, count = [here, *reversed(back)], self.count
+        best = self.closest(tasks, state.angles, around)
         if back:  # it is beyond the poses of the atlas: perhaps it is better to go on
             begun = self._search(tasks, HERE, (here,))
             on = self._best(tasks, tasks, [((0.0, 0.0), begun)], state.angles, LEAST)
             if on.solution.residual < best.solution.residual + SAME:
                 best = on
-        stops, searched = self._stops(best, around[0], among, [here, *reversed(back)])
-        kept = self._shortened(stops, searched)
+        kept = self._shortened(*self._stops(best, around[0], around, begin))
+        if len(near) < len(around) and max(_missed(tasks, stop) for _, stop in kept) > farthest:
+            left = max(PROGRAMS - (self.count - count), LEAST)
+            closer = self.closest(tasks, state.angles, near, left)
+            if closer.solution.residual <= best.solution.residual + GAINED:
+                best, kept = closer, self._shortened(*self._stops(closer, around[0], near, begin))
         return Way(
             np.array([stop.angles for _, stop in kept[1:]]),
             best.solution.residual,
