@@ -341,12 +341,12 @@ class Pathfinder:
         inside = {number for number in around[1:] if _missed(tasks, poses[number].state) <= farthest}
         near, here = self._hanging_together(around[0], inside), (self.model.save(), state)
         begin, count = [here, *reversed(back)], self.count
-        best = self.closest(tasks, state.angles, around)
-        if back:  # it is beyond the poses of the atlas: perhaps it is better to go on
-            begun = self._search(tasks, HERE, (here,))
-            on = self._best(tasks, tasks, [((0.0, 0.0), begun)], state.angles, LEAST)
-            if on.solution.residual < best.solution.residual + SAME:
-                best = on
+        begun = self._search(tasks, HERE, (here,))
+        best = self._best(tasks, tasks, [((0.0, 0.0), begun)], state.angles, LEAST if back else 2 * CHUNK)
+        if best.solution.outcome is not Outcome.REACHED:
+            on, best = best, self.closest(tasks, state.angles, around)
+            if back and on.solution.residual < best.solution.residual + SAME:
+                best = on  # it is beyond the poses of the atlas, and better goes on
         kept = self._shortened(*self._stops(best, around[0], around, begin))
         if len(near) < len(around) and max(_missed(tasks, stop) for _, stop in kept) > farthest:
             left = max(PROGRAMS - (self.count - count), LEAST)
