@@ -65,7 +65,7 @@ def moved(slide: float, start: np.ndarray, target: np.ndarray) -> tuple[np.ndarr
     return state.angles, float(np.linalg.norm(state.equilibrium - target))
 
 
-@pytest.mark.parametrize("seed", sampled(range(50), 0, 3, 5))
+@pytest.mark.parametrize("seed", sampled(range(50), 0, 1, 3))
 def test_command_and_node_have_one_answer(seed: int) -> None:
     slide, start, target = question(seed)
     scene = load_scene(SHARP)
