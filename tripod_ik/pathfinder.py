@@ -32,14 +32,14 @@ PROMISING, SEEDS = 80, 16
 BEND = 0.03
 """How fast Jacobians turn [m/rad²], see `tasks.PositionTask`; by half of that times its square a step may miss less."""
 
-CHUNK, PROGRAMS, LEAST = 5, 120, 80
+CHUNK, PROGRAMS, LEAST = 5, 200, 80
 """Programs that a search solves at once, those of an answer, at most, and what is left of these to a second search, at
 least."""
 
 APART, OFF = 0.1, 5e-4
 """Poses whose angles [rad] and effectors [m] differ by less are on the way to the same one."""
 
-GAIN = 3e-4
+GAIN = 1e-4
 """Part of what is missing that a search has to gain by so many programs to go on."""
 
 FARTHEST, EVERY = 0.013, 4
