@@ -82,7 +82,7 @@ def test_of_a_large_mesh_only_parts_are_factored(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("level", [1, 2, 3, 4, 8, 9])
 def test_the_tripod_keeps_its_points(level: int) -> None:
     mesh = y_piece(LEVELS[level], kind=ELEMENTS["h20"])
-    same, notes = suited(mesh)
+    same, notes = suited(mesh, 0.45)
     assert same is mesh
     assert notes == ()
 

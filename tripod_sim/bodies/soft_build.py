@@ -85,7 +85,7 @@ def _body(
             body = replace(body, net=spring_net(table.springs))
         else:
             assert table.mesh
-            solid, notes = suited(read(table.mesh))
+            solid, notes = suited(read(table.mesh), _material(table).poisson)
             body, size = replace(body, solid=solid), width_note(table.mesh.source, solid.nodes)
             if weighs and not size:  # in other units nothing is right
                 size = mass_note(_material(table), solid, body.field)

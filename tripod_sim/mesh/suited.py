@@ -7,18 +7,24 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import H8, H8_MODES
+from tripod_sim.elements.mean_dilatation import H8_MEAN
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.elements.tetrahedron import T4
 from tripod_sim.errors import Doubt
-from tripod_sim.mesh.bending import deflection_share, tetrahedra_share
+from tripod_sim.mesh.bending import bending
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.tables.bodies import DENSITY, Material
 from tripod_sim.tables.fields import out_of_usual
 
-TOLD = 0.1
-"""Error of deflections, relative, from which on it is told. On the Tripod's meshes it is 0.053 for `h8_modes`, of what
-docs/convergence.md measures there."""
+TOLD, TOLD_ELSEWHERE = 0.15, 0.3
+"""Errors of deflections, relative, above which they are told: in the softest direction, and in others."""
+
+TOLD_SIDEWAYS = 0.05
+"""Drift sideways, relative to the deflection, above which it is told."""
+
+LINEAR = (T4, H8, H8_MODES, H8_MEAN)
+"""Elements whose bending is checked."""
 
 WIDE = 2.0
 """Width of a body from which on it is asked whether it is described in other units [m]."""
@@ -46,11 +52,15 @@ def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[Dou
     return (Doubt(text),)
 
 
-def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:
-    """Return a mesh with an element that it can be computed with, and what users should know, one sentence each.
+def suited(mesh: SolidMesh, poisson: float) -> tuple[SolidMesh, tuple[str, ...]]:
+    """Return a mesh with an element that it can be computed with, and notes for users, one sentence each.
 
-    `h20` becomes `h20_full` where its 2x2x2 points leave motions without energy (`hourglass`). Eight-node hexahedra on
-    cells on which they bend too stiffly (`bending`) stay, and the expected error is told; so do four-node tetrahedra.
+    `h20` becomes `h20_full` where its 2x2x2 points leave motions without energy (`hourglass`). Linear elements stay; a
+    note gives the error to expect where they bend too stiffly, or lean to one side (`bending`).
+
+    Args:
+        mesh: As it is described.
+        poisson: nu of its material.
     """
     if mesh.kind is H20 and (count := unseen_motions(mesh)):
         note = (
@@ -58,18 +68,42 @@ def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:
             "without energy, as the body is one element thick and wide somewhere; mesh.refine = 1 gives it more"
         )
         return replace(mesh, kind=H20_FULL), (note,)
-    if mesh.kind is T4 and (error := 1 - tetrahedra_share(mesh)) > TOLD:
-        note = (
-            "mesh.element 't4' bends too stiffly here, as its cells are few across the body: expect it to bend about "
-            f"{100 * error:.0f} % too little; 't10' has no such error"
+    note = bending_note(mesh, poisson) if mesh.kind in LINEAR else ""
+    return mesh, (note,) if note else ()
+
+
+def bending_note(mesh: SolidMesh, poisson: float) -> str:
+    """Return what linear elements err in bending; empty if it is less than what is told."""
+    found, errors = bending(mesh, poisson), []
+    others = "'t10' has" if mesh.kind is T4 else "'h20', 'h27' and 't10' have"
+    if not found:
+        if mesh.kind is H8_MODES:
+            return ""
+        return (
+            f"mesh.element {mesh.kind.name!r} bends too stiffly where its cells are few across the body; this mesh, of "
+            f"{len(mesh.elements)} elements, is too large to estimate by how much; {others} no such error"
         )
-        return mesh, (note,)
-    if mesh.kind in (H8, H8_MODES) and (error := 1 - deflection_share(mesh)) > TOLD:
-        name = mesh.kind.name
-        why = "are no parallelepipeds" if mesh.kind is H8_MODES else "are few across the body"
-        note = (
-            f"mesh.element {name!r} bends too stiffly here, as its cells {why}: expect deflections about "
-            f"{100 * error:.0f} % too small; 'h27' and 't10' have no such error"
-        )
-        return mesh, (note,)
-    return mesh, ()
+    softest, low, high = (100 * error for error in (found.softest, found.low, found.high))
+    if mesh.kind is H8_MODES:  # it may be softer than the quadratic elements, which does not make it wrong
+        softest, low = max(softest, 0.0), max(low, 0.0)
+    if abs(softest) > 100 * TOLD or max(-low, high) > 100 * TOLD_ELSEWHERE:
+        if found.sure:
+            errors.append(f"deflections about {abs(softest):.0f} % too {'small' if softest > 0 else 'large'}")
+        elif low < 0 < high:
+            errors.append(
+                f"deflections from {-low:.0f} % too large to {high:.0f} % too small, by their direction"
+            )
+        else:
+            least, most = sorted((abs(low), abs(high)))
+            size = "small" if high > 0 else "large"
+            errors.append(
+                f"deflections at least {least:.0f} % too {size}, and {most:.0f} % in some directions"
+            )
+    if found.sideways > TOLD_SIDEWAYS:
+        errors.append(f"a drift sideways of up to about {100 * found.sideways:.0f} % of them")
+    if not errors:
+        return ""
+    return (
+        f"mesh.element {mesh.kind.name!r} is too coarse here to bend, at material.poisson = {poisson:g}: expect "
+        f"{' and '.join(errors)}; {others} no such error"
+    )
