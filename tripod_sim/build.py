@@ -154,6 +154,7 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     parts = replace(
         parts,
         notes=(*notes, *said, *draft.notes),
+        watches=tuple(draft.watches),
         soft=shown(assembly)[2],
         solver=scene.solver,
         plate=draft.plate,

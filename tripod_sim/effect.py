@@ -73,6 +73,7 @@ class Draft:
         bound: Of the stretch of springs; None without one.
         plate, ball: The maze on the disc, and how its ball moves; None without.
         notes: What users should know of it, one sentence each.
+        watches: See `tripod_sim.parts.Parts`.
     """
 
     scene: Described
@@ -96,6 +97,7 @@ class Draft:
     plate: Any = None
     ball: Any = None
     notes: list[str] = field(default_factory=list)
+    watches: list[Callable[[FloatArray], str]] = field(default_factory=list)
 
 
 class Need(NamedTuple):

@@ -85,7 +85,7 @@ class SimNode(Node):
         self._study = Path(values["study"]) if values["study"] else None
         simulation = rerun.simulation if rerun else self._build(values, begin)
         scene, self._rerun = simulation.scene, rerun
-        self._notes = simulation.notes
+        self._logged = 0
         self._lock = threading.Lock()
         self._simulated = SimulatedClock(self, scene.dt) if values["publish_clock"] else None
         self._clock_of_motion = MotionClock(self)
@@ -134,8 +134,7 @@ class SimNode(Node):
             f"scene {scene.name}: {len(simulation.mesh.nodes)} nodes, {len(simulation.mesh.elements)} elements, "
             f"dt {scene.dt:g} s"
         )
-        for note in self._notes:
-            self.get_logger().warning(note)
+        self._log_notes()
 
     @property
     def anew(self) -> Anew | None:
@@ -430,6 +429,7 @@ class SimNode(Node):
             effector_of(self._physics.simulation.scene) is not None
             and self._compliance.get_subscription_count() > 0
         )
+        self._log_notes()
         self._publish_journal()
         with self._lock:
             self._range.lapse(time.monotonic())
@@ -475,6 +475,13 @@ class SimNode(Node):
             lower=self._range.limits.lower[:-1], upper=self._range.limits.upper[:-1],
         )  # fmt: skip
 
+    def _log_notes(self) -> None:
+        """Log the notes on the scene that are new: some come while it runs."""
+        notes = self._physics.simulation.notes
+        for note in notes[self._logged :]:
+            self.get_logger().warning(note)
+        self._logged = len(notes)
+
     def _notices(self, snapshot: Snapshot, speed: Speed) -> str:
         beyond = cut(self._follower.joints, self._range.limits) if self._arms else ""
         words = (
@@ -483,7 +490,7 @@ class SimNode(Node):
             beyond,
             self._lag.words(speed),
             self._successor.words,
-            *self._notes,
+            *self._physics.simulation.notes,
         )
         return "; ".join(word for word in words if word)
 

@@ -154,7 +154,7 @@ class Simulation:
             parts.system,
             parts.stepper,
         )
-        self._renew = getattr(self._stepper, "renew", None)
+        self._renew, self._watches = getattr(self._stepper, "renew", None), parts.watches
         count = len(self._system.groups.driven)
         joints = self.joints.start if self.joints else np.zeros(count + 1)
         self._prescribed = self._system.groups.prescribed
@@ -373,7 +373,15 @@ class Simulation:
             self._load_ball()
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.follow(self.state, begin)
+        if self._watches:
+            self._watch()
         return self.report
+
+    def _watch(self) -> None:
+        """Add the notes of watches; each tells one at most."""
+        told = {watch: note for watch in self._watches if (note := watch(self.state.positions))}
+        self._watches = tuple(watch for watch in self._watches if watch not in told)
+        self.note(*told.values())
 
     def renew(self) -> None:
         """Do now what the next step would begin with, such as a new factorisation where the old one serves no longer.

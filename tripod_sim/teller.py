@@ -42,7 +42,7 @@ class Teller:
         self, node: Node, source: str, simulation: Simulation, first: Snapshot, changes: Sequence[str]
     ) -> None:
         """Begin to tell of `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
-        self._source, self._scene, self._changes = source, simulation.scene, list(changes)
+        self._source, self._simulation, self._changes = source, simulation, list(changes)
         self._picture = picture(simulation)
         self._effects = [asdict(f) for f in effect_figures(simulation.scene)]
         self._speed: float | None = None
@@ -94,7 +94,7 @@ class Teller:
 
     def publish_scene(self) -> None:
         """Publish what there is to draw, what accuracies cost, and which effects there are."""
-        accuracy = as_table(accuracy_figures(self._source, self._scene, self._speed))
+        accuracy = as_table(accuracy_figures(self._source, self._simulation.scene, self._speed))
         table = {**self._picture, "changes": self._changes, "accuracy": accuracy, "effects": self._effects}
         self._scenes.publish(String(data=as_json(table)))
 
@@ -115,15 +115,18 @@ class Teller:
             return
         with self._lock:
             latest, balance, halvings = self._latest, self._books.balance, self._halvings
-        rest = not self._scene.inertia
+        rest = not self._simulation.scene.inertia
         figures = asdict(
-            stability(latest.report, halvings, balance, self._scene.dt, self.firmness, at_rest=rest)
+            stability(
+                latest.report, halvings, balance, self._simulation.scene.dt, self.firmness, at_rest=rest
+            )
         )
         lines = stability_lines(figures)
         told = {
             "errors": errors_line(latest.report),
             "event": latest.event,
             "notice": self.notice or self.standing(),
+            "notes": list(self._simulation.notes),
         }
         table = {**figures, "lines": lines, **told}
         self._figures.publish(String(data=as_json(table)))

@@ -30,18 +30,25 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
         "errors": errors_line(simulation.report),
         "event": "",
         "notice": "",
+        "notes": list(simulation.notes),
     }
     skin = simulation.skin
     return table, figures, np.array(skin.nodes), np.array(skin.surface, dtype=np.uint32)
 
 
 def show(
-    sim: FakeSimulator, scene: str, *, name: str = "", event: str = "", notice: str = ""
+    sim: FakeSimulator,
+    scene: str,
+    *,
+    name: str = "",
+    event: str = "",
+    notice: str = "",
+    notes: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Let the page show a scene, by another name if one is given; return what is told of it."""
     table, figures, *body = told(scene)
     sim.body = tuple(body)
-    sim.figures = {**figures, "event": event, "notice": notice}
+    sim.figures = {**figures, "event": event, "notice": notice, "notes": [*figures["notes"], *notes]}
     sim.publish_mesh()
     sim.wait_for_mesh(60.0)
     sim.publish_picture({**table, "name": name or scene})

@@ -325,6 +325,18 @@ def test_a_simulator_that_is_not_heard_is_told_over_its_last_picture(stage: Stag
         assert opened.errors == []
 
 
+def test_notes_on_the_scene_stay_beside_what_is_told(stage: Stage, browser: Any) -> None:
+    said = "time_error.accuracy = 0.05 is not promised here"
+    with Opened(browser, stage, "screen") as opened:
+        show(stage.sim, "tripod", notes=(said, "load.0.pressure is a dead pressure"))
+        opened.text("#notes", "time_error.accuracy = 0.05", "not promised", "load.0.pressure")
+        show(stage.sim, "tripod", notice="machine too slow (0.31 of real time)", notes=(said,))
+        opened.text("#notice", "machine too slow")
+        opened.text("#notes", "time_error.accuracy = 0.05", "not promised")
+        opened.wait("!document.querySelector('#notes').textContent.includes('pressure')")
+        assert opened.errors == []
+
+
 def test_what_the_simulator_proposes_is_shown_as_long_as_it_says_so(stage: Stage, browser: Any) -> None:
     show(stage.sim, "tripod")
     with Opened(browser, stage, "screen") as opened:

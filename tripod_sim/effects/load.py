@@ -44,8 +44,9 @@ def check(tables: tuple[Load, ...], scene: Described) -> None:
 
 
 def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
-    """Add dead masses, and find the dead forces; tell of loads that something fixed bears alone."""
-    from tripod_sim.forces.set_loads import set_load
+    """Add dead masses, and find the dead forces; note loads that something fixed bears alone, and dead pressures."""
+    from tripod_sim.forces.dead_pressure import pressure_notes
+    from tripod_sim.forces.set_loads import faces_within, set_load
 
     solids = [body.among(draft.assembly.nodes) for body in draft.assembly.bodies if body.solid]
     draft.dead, free = np.zeros(draft.rest.shape), ~draft.groups.still()
@@ -58,6 +59,12 @@ def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
                 f"load.{i} acts on nothing but nodes of set {table.set!r} that are fixed or prescribed there: it "
                 "moves nothing"
             )
+        if table.pressure:
+            nodes = draft.sets.nodes(table.set, f"load.{i}.set")
+            loaded = [(solid, faces_within(solid, nodes)) for solid in solids]
+            notes, watches = pressure_notes(f"load.{i}", table.set, loaded, draft.rest)
+            draft.notes += notes
+            draft.watches += watches
 
 
 def act(tables: tuple[Load, ...], draft: Draft) -> None:
@@ -73,7 +80,7 @@ EFFECT = Effect(
     rank=60,
     several=True,
     check=check,
-    modules=("forces.set_loads",),
+    modules=("forces.dead_pressure", "forces.set_loads"),
     words=('load=[{set="all", force=[0.01, 0.0, 0.0], share="even"}]',),
     weigh=weigh,
     act=act,

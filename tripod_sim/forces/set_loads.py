@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.effects.load import Load
 from tripod_sim.elements.element import Element
 from tripod_sim.errors import SceneError
@@ -38,7 +38,7 @@ def set_load(table: Load, field: str, sets: NodeSets, solids: Sequence[SolidMesh
         share[nodes] = 1.0 / len(nodes)
         lumped = share
     else:
-        found = [(s, s.boundary[np.isin(s.boundary, nodes).all(axis=1)]) for s in solids]
+        found = [(solid, faces_within(solid, nodes)) for solid in solids]
         if not any(len(faces) for _, faces in found):
             why = "a pressure needs one" if table.pressure is not None else "share = 'even' needs none"
             raise SceneError(
@@ -55,6 +55,11 @@ def set_load(table: Load, field: str, sets: NodeSets, solids: Sequence[SolidMesh
         force += np.outer(share, table.force)
     mass = table.mass or 0.0
     return SetLoads(force, mass * share, mass * lumped)
+
+
+def faces_within(solid: SolidMesh, nodes: IndexArray) -> IndexArray:
+    """Return the faces of the surface whose nodes are all among `nodes`, shape (k, nodes of a face)."""
+    return solid.boundary[np.isin(solid.boundary, nodes).all(axis=1)]
 
 
 def _integrals(kind: Element, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -13,6 +13,7 @@ export function status() {
   const event = element("p", { id: "event", role: "status", hidden: "" });
   const mode = element("div", { id: "mode" });
   const notice = element("div", { id: "notice", role: "status" });
+  const notes = element("div", { id: "notes" });
   const lines = element("div", { id: "lines" });
 
   listen("scene", (scene) => {
@@ -54,10 +55,11 @@ export function status() {
     event.className = text.startsWith("goal") ? "good" : "bad";
     setText(event, text);
     note();
+    showLines(notes, (figures?.notes ?? []).map((said) => ({ light: "watch", who: "Scene", text: said })));
   });
 
   const top = element("header");
-  place(top, [title, badge, about, run, event, mode, notice]);
+  place(top, [title, badge, about, run, event, mode, notice, notes]);
   const box = element("div");
   return place(box, [top, section("status", "Nodes", [lines], false)]);
 }
