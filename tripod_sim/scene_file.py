@@ -121,7 +121,7 @@ def _choose_steps(table: dict[str, Any], interval: Any, *, keep_scheme: bool) ->
     inertia = table.get("inertia")
     if isinstance(inertia, dict) and not (keep_scheme and "scheme" in inertia):
         inertia["scheme"] = AUTO
-    if interval == AUTO:
+    if interval in (None, AUTO):
         del table["dt"]
     else:
         table["dt"] = interval

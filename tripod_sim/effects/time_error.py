@@ -7,7 +7,7 @@ from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.effects.inertia import EXPLICIT, ORDER
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import soft_bodies, springs_alone
+from tripod_sim.scene_short import rigids_of, servo_tables, soft_bodies, springs_alone
 from tripod_sim.tables.fields import number, one_of
 
 
@@ -18,8 +18,8 @@ class TimeError:
     Attributes:
         steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene
             file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
-        accuracy: With `steps = "auto"`: share of the way gone that errors may add up to, such as 0.05, in any scene; 0:
-            parts may add `tolerance`.
+        accuracy: With `steps = "auto"`: share of the way gone that errors may add up to, such as 0.05; a note says
+            where that is not promised; 0: parts may add `tolerance`.
         tolerance: Error that a part of a step may add to the position of any node [m].
         shortest: Length of a part that is accepted whatever its error [s].
         estimate: `global`: the error since the start is carried along and told; `local`: only what each part of a step
@@ -90,6 +90,50 @@ def check(wanted: TimeError, scene: Described) -> None:
         )
 
 
+FINEST = 0.05
+"""Finest accuracy that is promised for a solid in contact."""
+
+
+def not_promised(scene: Described) -> str:
+    """Return why no promise is given for the accuracy that a scene asks for; empty where one is given.
+
+    A promise is given where benchmarks/time_promise.py keeps it: for rigid bodies that do not bounce, and for one solid
+    that falls or swings on obstacles. A ball in a maze is watched by two others, which tell what its place depends on
+    (`TimeErrorReport.ball`).
+    """
+    if not (scene.time_error and scene.time_error.accuracy and by_way(scene)):
+        return ""
+    bodies, contact, accuracy = soft_bodies(scene), contact_of(scene), scene.time_error.accuracy
+    if scene.maze and not contact:
+        return ""
+    reasons = {
+        "a soft body that touches nothing swings, and the errors of a swing are estimated too small": not contact,
+        "springs bend, fold and go slack, which the estimate does not see": any(
+            body.springs for body in bodies
+        ),
+        "bodies bounce (restitution above 0), and errors grow with each bounce": contact
+        and contact.restitution > 0,
+        "a rigid body rolls on a soft one, and the estimate does not see where to": bodies
+        and rigids_of(scene),
+        "servos move a soft body in contact, for which the promise is not measured": bodies
+        and servo_tables(scene),
+        "soft bodies touch each other, for which the promise is not measured": len(bodies) > 1,
+        f"solids keep {100 * FINEST:g} %, but not always less": bodies and accuracy < FINEST,
+    }
+    return next((why for why, holds in reasons.items() if holds), "")
+
+
+def promise_note(scene: Described) -> str:
+    """Return the note on an accuracy that is not promised; empty where it is, or none is asked for."""
+    why = not_promised(scene)
+    if not why:
+        return ""
+    return (
+        f"time_error.accuracy = {scene.time_error.accuracy:g} is not promised here: {why}. Check with a fixed dt, "
+        "inertia.scheme = 'tr_bdf2', and half of that dt"
+    )
+
+
 def prepare(wanted: TimeError, scene: Described) -> Described:
     """Choose a scheme for steps that are chosen by their way, where that is left open."""
     if not by_way(scene) or scene.inertia.scheme != "auto":
@@ -107,7 +151,8 @@ def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[D
         distance = contact.contact_distance if contact else 0.0
         solid = any(body.springs is None for body in soft_bodies(scene))
         steps = WaySteps(parts, wanted, scene.inertia.scheme, distance, solid=solid)
-        return replace(parts, stepper=steps, chosen=steps)
+        note = promise_note(scene)
+        return replace(parts, stepper=steps, chosen=steps, notes=(*parts.notes, *([note] if note else [])))
     if parts.errors:
         return parts
     from tripod_sim.integrators.doubling import Doubling
