@@ -1,5 +1,6 @@
 """The simulator in a graph with other scenes than the tripod alone, and what its status tells of their steps."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,9 @@ pytest.importorskip("tripod_msgs")
 from shape_msgs.msg import SolidPrimitive
 from tripod_msgs.msg import ControlMode, SimStatus
 
-from tests.messages import assert_names
+from tests.messages import assert_names, line_naming, lines_naming
 from tests.sim.beams import bar_scene
+from tests.sim.test_dead_pressure import bar
 from tripod_graph import names
 from tripod_sim import Simulation, load_scene
 
@@ -69,6 +71,18 @@ def test_what_users_should_know_of_their_mesh_is_in_the_status(make, tmp_path: P
     scene = bar_scene(tmp_path, (4, 1, 1), "h20")
     (note,) = Simulation(load_scene(scene)).notes
     assert note in make(scene=str(scene)).start().next(names.SIM_STATUS).message
+
+
+def test_a_note_that_comes_while_the_scene_runs_is_in_status_figures_and_log(
+    make, tmp_path: Path, capfd
+) -> None:
+    graph = make(scene=str(bar(tmp_path, 'set = "top"\npressure = 600.0'))).start()
+    said = ("load.0.pressure", "dead pressure")
+    graph.next(names.SIM_STATUS, lambda status: lines_naming(status.message, *said))
+    graph.next(
+        names.SIM_FIGURES, lambda m: any(lines_naming(note, *said) for note in json.loads(m.data)["notes"])
+    )
+    line_naming(capfd.readouterr().err, *said)
 
 
 def test_without_maze_and_ball_that_is_what_is_told(make) -> None:
