@@ -168,6 +168,20 @@ def bar(rng: np.random.Generator) -> str:
     return block([0, 0, 0], size, (6, 1, 1), between(rng, 5e4, 5e5)) + clamp
 
 
+def meets(rng: np.random.Generator) -> Case:
+    """A rigid ball that spins is thrown along a plate and meets a box."""
+    radius, edge = between(rng, 0.02, 0.05), between(rng, 0.04, 0.1)
+    speed, gap = between(rng, 0.3, 1.5), between(rng, 0.01, 0.1)
+    text = head(0.01, 1e-3, friction=between(rng, 0.1, 0.8)) + obstacle("plate.obj")
+    text += rigid(
+        "ball", between(rng, 0.1, 1.0), [0.0, 0.0, radius + 1e-3 + rng.uniform(0.0, 0.01)], radius=radius,
+        velocity=[speed, 0.0, 0.0], spin=[0.0, float(rng.uniform(-1.0, 1.0) * speed / radius), 0.0],
+    )  # fmt: skip
+    place = [radius + gap + edge / 2, rng.uniform(-0.2, 0.2) * edge, edge / 2 + 1.01e-3]
+    text += rigid("box", between(rng, 0.1, 2.0), place, size=[edge] * 3)
+    return Case(text, 25, 96)
+
+
 def lying(rng: np.random.Generator) -> Case:
     """A rigid ball falls on a soft block."""
     size, radius = rng.uniform(0.03, 0.06, 3) * [1, 1, 0.7], between(rng, 0.005, 0.012)
@@ -241,11 +255,12 @@ def slack(rng: np.random.Generator) -> Case:
 
 
 KINDS = {
-    f.__name__: f for f in (falls, slides, stacks, blocks, bars, lying, robot, net, bounces, free, slack)
+    f.__name__: f
+    for f in (falls, slides, stacks, meets, bars, blocks, lying, robot, net, bounces, free, slack)
 }
 """By name."""
 
-PROMISED = ("falls", "slides", "stacks", "blocks", "bars")
+PROMISED = ("falls", "slides", "stacks", "meets", "bars")
 """Kinds in which a run promises its accuracy: as many scenes as asked for. Of the others a third."""
 
 
