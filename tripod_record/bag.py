@@ -119,8 +119,11 @@ class Bag:
 
     def can_decode(self, topic: str) -> bool:
         """Return whether the messages of a topic can be decoded; what cannot is noted in `unread`."""
+        next(self.messages(topic.__eq__), None)
+        if topic not in self._channels:  # the summary names it, but no message of it can be read
+            return False
         try:
-            self._decoders.setdefault(topic, self._decoder(self.channel(topic)))
+            self._decoders.setdefault(topic, self._decoder(self._channels[topic]))
         except RecordError as error:
             self.unread.setdefault(str(error), False)
             return False
