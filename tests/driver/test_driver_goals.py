@@ -53,7 +53,7 @@ def test_a_goal_is_refused_in_the_wrong_mode_and_followed_in_the_right_one(
     slide = (*names.SERVOS, names.SLIDE)
     handle = goals.send(goal((*THERE, 0.01), seconds=0.3, source=SOURCE, joints=slide))
     assert goals.end(handle) == (SUCCEEDED, 0, "")
-    assert near(board.packets[-1], THERE)
+    client.wait(lambda: near(board.packets[-1], THERE), "the last packet")
     assert goals.feedback[-1].joint_names == list(names.SERVOS)  # the real robot has no slide
     client.wait(lambda: told, "joint_states")
     assert list(told[0].name) == list(names.SERVOS)
