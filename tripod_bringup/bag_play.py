@@ -143,6 +143,8 @@ def _into_simulator(
     segments = [session.segment for session in sessions]
     if number is not None:
         sessions = [sessions[chosen_segment(bag, segments, number).number - 1]]
+    elif len(sessions) > 1:  # those before the start are not built
+        sessions = [s for s in sessions if 1e-9 * (s.segment.end - bag.start) > start] or sessions[-1:]
     lines = segment_lines(bag, segments)
     with compiling_told("tripod bag play"):
         reruns = [session.rerun() for session in sessions]
@@ -158,7 +160,6 @@ def _into_simulator(
     return {
         f"{lines[s.segment.number - 1]}: " if len(segments) > 1 else "": player(s, rerun)
         for s, rerun in zip(sessions, reruns, strict=True)
-        if 1e-9 * (s.segment.end - bag.start) > start or len(sessions) == 1
     }
 
 

@@ -73,7 +73,7 @@ def suited(mesh: SolidMesh, poisson: float) -> tuple[SolidMesh, tuple[str, ...]]
 
 
 def bending_note(mesh: SolidMesh, poisson: float) -> str:
-    """Return what linear elements err in bending; empty if it is less than what is told."""
+    """Return a note on the bending error of linear elements; empty if the error is too small to report."""
     found, errors = bending(mesh, poisson), []
     others = "'t10' has" if mesh.kind is T4 else "'h20', 'h27' and 't10' have"
     if not found:
