@@ -61,10 +61,16 @@ def beside(mesh: SolidMesh, mass: float) -> list[ElementMasses]:
     return [lacking(mesh.kind, nodes, mesh.elements, np.full(len(mesh.elements), density))]
 
 
-def elastic(mesh: SolidMesh, young: float, poisson: float, law: str = "neo_hooke") -> Solid:
-    """Return the elastic solid on a mesh; `young` in Pa."""
-    parameters = vector(law, *lame_constants(young, poisson))
-    return Solid(np.array(mesh.nodes), np.array(mesh.elements), mesh.kind, law, parameters)
+def elastic(
+    mesh: SolidMesh, young: float, poisson: float, law: str = "neo_hooke", damping: float = 0.0
+) -> Solid:
+    """Return the elastic solid on a mesh; `young` in Pa, `damping` by stiffness in s."""
+    nodes, elements, parameters = (
+        np.array(mesh.nodes),
+        np.array(mesh.elements),
+        vector(law, *lame_constants(young, poisson)),
+    )
+    return Solid(nodes, elements, mesh.kind, law, parameters, damping=damping)
 
 
 @dataclass(eq=False)
@@ -152,15 +158,15 @@ def block(
         dt: Time step [s].
         scheme: Time integrator.
         acceleration: Of gravity [m/s²].
-        damping: Rayleigh's a [1/s] and b [s].
+        damping: By mass, a [1/s], and by stiffness, b [s].
         tolerance: Unbalanced force at which a step counts as solved [N].
     """
-    solid, (load, inert) = elastic(mesh, young, poisson, law), lumped(mesh, mass)
+    solid, (load, inert) = elastic(mesh, young, poisson, law, damping[1]), lumped(mesh, mass)
     nodes = np.array(mesh.nodes)
     gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
     groups, masses = Groups(len(nodes), fixed=np.array(held, dtype=np.int64)), beside(mesh, mass)
     terms = [gravity, inertia, *(ElementInertia(m, inertia) for m in masses)]
-    system = System(nodes, [solid], groups, terms, damping=damping[1])
+    system = System(nodes, [solid], groups, terms, damped=True)
     stepper = ImplicitScheme(
         scheme, ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0]), 8
     )

@@ -14,7 +14,6 @@ from tripod_sim.bodies.soft_build import (
     masses,
     sets_of,
     shown,
-    spring_dampers,
     spring_sides,
     with_held,
 )
@@ -130,15 +129,12 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     draft.scene = scene = solved_to(
         scene, [draft.load[body.nodes].sum() for body in assembly.bodies], draft.dead
     )
-    if scene.inertia and (dampers := spring_dampers(assembly)):
-        draft.dampers = dampers
-        draft.terms.append(dampers)
     do("act")
 
     def made(held: Groups) -> System:
         return System(
-            draft.rest, elastic_terms(assembly, draft.sets, draft.rest, held), held,
-            [*draft.terms, *([draft.inertia] if draft.inertia else [])], damping=draft.damping,
+            draft.rest, elastic_terms(assembly, draft.sets, draft.rest, held, draft.damping), held,
+            [*draft.terms, *([draft.inertia] if draft.inertia else [])], damped=bool(scene.inertia and draft.inertia),
             joined=spring_sides(assembly) if has(scene, "contact") else (),
             linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
         )  # fmt: skip

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tripod_sim.constraints.groups import DrivenFrame, Groups
     from tripod_sim.constraints.prescribed import Prescribed
     from tripod_sim.forces.anchor import Anchor
-    from tripod_sim.forces.spring_force import SpringDampers
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.forces.term import Term
 
@@ -68,8 +67,7 @@ class Draft:
         dead: Dead loads on nodes [N], shape (n, 3); None without any.
         terms: Of the potential, besides strain energy and inertia.
         inertia: The term of inertia; None without one.
-        damping: b of the force -b K v [s].
-        dampers: Along springs; None without any.
+        damping: b, the viscosity of solids and springs over their stiffness undeformed [s].
         bound: Of the stretch of springs; None without one.
         plate, ball: The maze on the disc, and how its ball moves; None without.
         notes: What users should know of it, one sentence each.
@@ -92,7 +90,6 @@ class Draft:
     terms: "list[Term]" = field(default_factory=list)
     inertia: "Anchor | None" = None
     damping: float = 0.0
-    dampers: "SpringDampers | None" = None
     bound: "StrainBound | None" = None
     plate: Any = None
     ball: Any = None

@@ -1,6 +1,5 @@
 """Scene to what makes its steps: time integrators and the static solver, for terms of any kind."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tripod_host.arrays import FloatArray
@@ -42,8 +41,7 @@ def stepper_of(draft: Draft, system: System) -> Stepper:
         return _explicit_steps(draft, system, drag)
     from tripod_sim.integrators.stage import ImplicitStage
 
-    rates = draft.dampers.add_products if draft.dampers else None
-    return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass, rates)
+    return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass)
 
 
 def _newton(draft: Draft, system: System) -> Newton:
@@ -72,9 +70,8 @@ def _explicit_steps(draft: Draft, system: System, drag: float) -> "ExplicitSteps
     from tripod_sim.integrators.explicit import ExplicitSteps
 
     scene, mass = draft.scene, draft.inert
-    rayleigh = scene.damping.stiffness if scene.damping else 0.0
     divide = scene.inertia.substeps == "auto"
-    stepper = ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+    stepper = ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, divide=divide)
     if not draft.bound:
         return stepper
     from tripod_sim.integrators.strain_limit import StrainLimited
@@ -89,7 +86,6 @@ def implicit_steps(
     system: Any,
     inertia: "Anchor",
     mass: FloatArray,
-    rates: Callable[[FloatArray, FloatArray], None] | None,
 ) -> Substeps:
     """Return the implicit time integrator of a scene; all but the scene and the stage are as for `ErrorTransport`."""
     from tripod_sim.integrators.schemes import ImplicitScheme
@@ -105,7 +101,7 @@ def implicit_steps(
     from tripod_sim.integrators.time_error import ErrorTransport
 
     auto = wanted.steps == "auto"
-    scheme.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries, rates=rates)
+    scheme.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries)
     if not auto:
         return scheme
     from tripod_sim.integrators.auto_steps import AutoSteps

@@ -1,29 +1,25 @@
 """The potential that one step minimises, in nodes and in the unknowns that constraints leave.
 
-    Phi(x, modes) = E(x, modes) + D(x) + sum of V(x)
+    Phi(x, modes) = E(x, modes) + D(x, modes) + sum of V(x)
 
-strain energy, its damping, and whatever terms there are: gravity, inertia, clamps, loads ...
+strain energy, that of dampers in a stage (see `aim`), and whatever terms there are: gravity, inertia, clamps, loads ...
 """
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.reduction import Reduction, move_bodies, move_nodes, swing_nodes, write_levers
-from tripod_sim.forces.elastic import Elastic, ElasticTerm, Matrices
-from tripod_sim.forces.term import BlockTerm, Term
+from tripod_sim.forces.elastic import Elastic, ElasticTerm
+from tripod_sim.forces.term import BlockTerm, StageTerm, Term
 from tripod_sim.linear.choice import LinearFactory, linear_factory
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same, scaled_norm_squared
-
-if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.forces.rayleigh import StiffnessDamping
-
 
 T = TypeVar("T", bound=Term)
 
@@ -36,7 +32,7 @@ class System:
     Attributes:
         elastic: The strain energy: a sum of terms.
         terms: All others, those with blocks first.
-        damping: Stiffness damping of `elastic`; None without.
+        remembers: How many numbers a stage remembers of the dampers of `elastic`; 0 where none counts.
         gradient: dPhi/dx of the last `evaluate` [N], shape (n, 3).
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
@@ -54,7 +50,7 @@ class System:
         groups: Groups,
         terms: Iterable[Term] = (),
         *,
-        damping: float = 0.0,
+        damped: bool = False,
         joined: Sequence[IndexArray] = (),
         linear: LinearFactory = DEFAULT_LINEAR,
     ) -> None:
@@ -65,7 +61,7 @@ class System:
             elastic: Terms of the strain energy.
             groups: What holds nodes.
             terms: All others.
-            damping: b of the force -b K v [s].
+            damped: Whether the dampers of `elastic` count.
             joined: Nodes that have entries with each other in the Hessian besides those of elements, shapes (m, k).
             linear: Makes the solver.
         """
@@ -79,8 +75,8 @@ class System:
         self._prescribed = groups.prescribed
         others = [self._prescribed.nodes] if self._prescribed else []
         self.driven = np.concatenate([self._arms, *others])
-        self.elastic = Elastic(elastic, self.driven)
-        self.damping = self._damping(damping)
+        self.elastic = Elastic(elastic, self.driven, damped=damped)
+        self.remembers = self.elastic.remembers
         blocks = [*(t.elements for t in elastic), *(t.elements for t in self._blocks)]
         self.reduction = Reduction([*blocks, *joined], groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
@@ -105,7 +101,10 @@ class System:
             np.zeros(s),
         )
         self._forces, self._elastic_energy = np.zeros((n, 3)), 0.0
+        self._damper_forces, self._damper_energy = np.zeros((n, 3) if self.remembers else (0, 3)), 0.0
         self._last, self._known = (rest.copy(), self.elastic.rest_modes()), False
+        self._rate, self._assembled = 0.0, (rest.copy(), self.elastic.rest_modes())
+        self._aimed = False  # whether the forces of dampers at hand are those of the stage
         self._arm = placed.copy()  # of nodes of bodies, from the centre, undeformed [m]
         for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
             self._arm[nodes] -= centre
@@ -114,14 +113,6 @@ class System:
             radius = np.sqrt(((placed[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
             first = 3 * self.reduction.free_count + 6 * b
             self._scale[first + 3 : first + 6] = 1 / radius
-
-    def _damping(self, coefficient: float) -> "StiffnessDamping | None":
-        """Return the stiffness damping with the coefficient b [s], None for 0."""
-        if not coefficient:
-            return None
-        from tripod_sim.forces.rayleigh import StiffnessDamping  # noqa: PLC0415 - an effect that is absent
-
-        return StiffnessDamping(coefficient, self.elastic, len(self.rest))
 
     def radius(self, body: int) -> float:
         """Return the radius of gyration of a rigid body's nodes [m]."""
@@ -139,6 +130,11 @@ class System:
     def term(self, kind: type[T]) -> T | None:
         """Return the first term of a kind, None if there is none."""
         return next((t for t in self.terms if isinstance(t, kind)), None)
+
+    @property
+    def damped(self) -> bool:
+        """Whether dampers count."""
+        return self.remembers > 0
 
     @property
     def unknowns(self) -> int:
@@ -203,18 +199,14 @@ class System:
             return np.inf
         g = self.gradient
         g[:] = self._forces
-        if self.damping:
-            phi += self.damping.add_gradient(state.positions, phi, self._forces, g)
+        if self.remembers:
+            g += self._damper_forces
+            phi += self._damper_energy
         for term in self.terms:
             phi += term.add_gradient(state.positions, g)
         self.update_levers(state)
         self.reduction.gradient(g, self.residual, self.torques)
         return phi
-
-    def elastic_forces(self, state: State) -> FloatArray:
-        """Return dE/dx at `state` [N], shape (n, 3), E the strain energy: the next evaluation overwrites it."""
-        self._evaluate_elastic(state)
-        return self._forces
 
     def knows(self, state: State) -> bool:
         """Return whether the elastic forces at hand are those at `state`."""
@@ -222,56 +214,86 @@ class System:
         return self._known and same(positions, state.positions) and same(modes, state.modes)
 
     def _evaluate_elastic(self, state: State) -> float:
-        """Write dE/dx to `_forces` and return E [J]."""
-        if not self.knows(state):
-            positions, modes = self._last
-            self._known = False
-            self._forces[:] = 0.0
-            self._elastic_energy = self.elastic.add_gradient(state.positions, state.modes, self._forces)
-            if math.isfinite(self._elastic_energy):
-                positions[:], modes[:] = state.positions, state.modes
-                self._known = True
+        """Write dE/dx to `_forces`, dD/dx to `_damper_forces` and return E [J]."""
+        x, modes, elastic, damped = state.positions, state.modes, self.elastic, self._damper_forces
+        if self.knows(state):
+            if self.remembers and not self._aimed:
+                damped[:] = 0.0
+                self._damper_energy = elastic.add_damper_gradient(x, modes, damped)
+                self._aimed = True
+            return self._elastic_energy
+        self._known = False
+        self._forces[:] = 0.0
+        if self.remembers:
+            damped[:] = 0.0
+            self._elastic_energy, self._damper_energy = elastic.add_gradients(x, modes, self._forces, damped)
+        else:
+            self._elastic_energy = elastic.add_gradient(x, modes, self._forces)
+        if math.isfinite(self._elastic_energy):
+            for last, now in zip(self._last, (x, modes), strict=True):
+                last[:] = now
+            self._known = self._aimed = True
         return self._elastic_energy
+
+    def remember(self, state: State, out: FloatArray) -> None:
+        """Write what the dampers take the rates of at `state` to `out`, shape (remembers,)."""
+        if self.remembers:
+            self.elastic.remember(state.positions, state.modes, out, known=self._aimed and self.knows(state))
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Prepare a stage of `s` [s]; `known`: what the scheme makes of what was remembered, shape (remembers,)."""
+        for term in self._blocks:
+            if isinstance(term, StageTerm):
+                term.aim(s)
+        if self.remembers:
+            self.elastic.aim(s, known)
+            self._rate, self._aimed = 1.0 / s, False
+
+    def add_rates(self, y: FloatArray, out: FloatArray) -> None:
+        """Add C y / s to `out` [N], of shape (n, 3), C the dampers' matrix in the last assembly, of a stage of s."""
+        positions, modes = self._assembled
+        self.elastic.add_rates(positions, modes, y, self._rate, out)
 
     def settle(self, state: State, solution: FloatArray, dx: FloatArray) -> None:
         """Take `state`, a step beyond the last evaluation that solves its linear equations, to be solved.
 
-        No element is evaluated: the elastic forces become those that balance all others after the step, and on driven
-        nodes, as the torques, those of the linear response. An evaluation at `state` finds them; one elsewhere asks the
-        elements again.
+        No law is evaluated: the elastic forces become those that balance all others after the step, dampers among them,
+        and on driven nodes, as the torques, those of the linear response. An evaluation at `state` finds them; one
+        elsewhere asks the elements again.
 
         Args:
             state: The end of the step.
             solution: The step of the unknowns, -H^-1 residual, shape (unknowns,).
             dx: What it moves each node by [m], shape (n, 3).
         """
-        damping, change = self.damping, self._change
-        if self._blocks or (damping and damping.held):
+        change, forces, dampers = self._change, self._forces, self._damper_forces
+        if self._blocks:
             change[:] = 0.0
             for term in self._blocks:
                 term.add_products(dx, change)
-            if damping and damping.held:
-                self.elastic.add_products(damping.matrices, dx, damping.factor, change)
             self.reduction.gradient(change, self._reduced, self._unused)
             self.residual += self._reduced
-        share = 1.0 / (1.0 + damping.factor) if damping and not damping.held else 1.0
         change[:] = 0.0
         self.elastic.add_response(self.elastic.matrices, dx, 1.0, change)
-        self._elastic_energy += self.reduction.relieve(
-            self.residual, share, self._weight(), dx, change, self._forces
-        )
+        if self.remembers:  # elastic forces and those of dampers are known together, and the latter apart
+            forces += dampers
+            self._elastic_energy += self._damper_energy
+        self._elastic_energy += self.reduction.relieve(self.residual, self._weight(), dx, change, forces)
         self.residual[:] = 0.0
         self.torques += solution @ self.reduction.drive
         positions, modes = self._last
         positions[:], modes[:] = state.positions, state.modes
+        if self.remembers:
+            dampers[:] = 0.0
+            self._damper_energy = self.elastic.add_damper_gradient(state.positions, state.modes, dampers)
+            forces -= dampers
+            self._elastic_energy -= self._damper_energy
         self.elastic.balance_modes()
 
     def forget(self) -> None:
         """Drop what was kept from earlier evaluations and assemblies, so that results depend on the state alone."""
         self.elastic.forget()
         self._known = False
-        if self.damping:
-            self.damping.held = False
 
     def unbalanced(self) -> float:
         """Return the norm of the residual and of the modes' gradients [N].
@@ -284,6 +306,9 @@ class System:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
         if self.elastic.has_modes:
             self._known = False  # the condensed gradient belongs to the last assembly
+        if self.remembers:
+            for kept, now in zip(self._assembled, (state.positions, state.modes), strict=True):
+                kept[:] = now
         for term in self._blocks:
             term.stiffness(state.positions, project=project)
         return self.elastic.stiffness(state.positions, state.modes, project=project)
@@ -301,7 +326,7 @@ class System:
         """Write the reduced Hessian into `reduction.pattern`, with the assembled matrices; see `factor`."""
         weight = self._weight() + shift if shift else self._weight()
         count = len(self.elastic.terms)
-        parts = [(k, own, factor) for matrices, factor in self._tangents() for k, own in enumerate(matrices)]
+        parts = [(k, own, 1.0) for k, own in enumerate(self.elastic.matrices)]
         parts += [(k, term.matrices, 1.0) for k, term in enumerate(self._blocks, count)]
         self.reduction.hessian(parts, weight, self.gradient)
 
@@ -310,30 +335,10 @@ class System:
         weights = [t.weight for t in self.terms if t.weight is not None]
         return sum(weights[1:], start=weights[0]) if weights else self._no_weight
 
-    def _tangents(self) -> list[tuple[Matrices, float]]:
-        """Return the elastic part of the Hessian: element matrices of each term [N/m], with their factor."""
-        damping, matrices = self.damping, self.elastic.matrices
-        if damping and damping.held:
-            return [(matrices, 1.0), (damping.matrices, damping.factor)]
-        return [(matrices, 1.0 + damping.factor if damping else 1.0)]
-
-    def choose_damping(self, *, projected: bool, start: bool) -> None:
-        """Let the damping of this solve follow from its last assembled matrices: of a step's first ones, or projected.
-
-        Within a solve it changes at most once, to the projected tangent.
-        """
-        if not self.damping:
-            return
-        if projected and (start or not self.damping.held):
-            self.damping.hold()
-        elif start:
-            self.damping.held = False
-
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
         self._change[:] = 0.0
-        for matrices, factor in self._tangents():
-            self.elastic.add_response(matrices, dx, factor, self._change)
+        self.elastic.add_response(self.elastic.matrices, dx, 1.0, self._change)
         for term in self._blocks:
             term.add_products(dx, self._change)
         self.reduction.gradient(self._change, self._reduced, self._unused)

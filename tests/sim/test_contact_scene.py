@@ -60,7 +60,7 @@ def test_the_shipped_drape_ends_its_bounces_and_stays_at_rest(response: str, res
     assert simulation.scene.damping
     assert simulation.scene.damping.mass == 2.0
     bounced, kinetic = 0.0, []
-    for _ in range(600):
+    for _ in range(1000):
         report = simulation.step()
         assert report.contact
         if report.contact.pressed:

@@ -77,7 +77,10 @@ STATIC = ("bare solid", "bare springs")
 ROWS = {
     "gravity": Row(STATIC, "robot", (*SOLID, "gravity=off")),
     "inertia": Row(STATIC, "robot", (*SOLID, "inertia=off", "damping=off")),
-    "damping": Row(("bare solid", "free solid", "limited springs"), "robot", (*SOLID, "damping=off")),
+    "damping": Row(
+        ("bare solid", "free solid", "limited springs"), "robot", (*SOLID, "damping=off"),
+        "getattr(getattr(simulation._system, 'elastic', None), 'remembers', 0)",
+    ),
     "fixed": Row(
         ("free solid", "robot"), "held solid", ("silicone_free", "mesh.level=1"),
         "len(simulation._system.groups.fixed)", ("fixed=[{low=[0.045, -0.02, -0.01], high=[0.06, 0.02, 0.01]}]",),

@@ -209,7 +209,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
         (
             SHARP,
             TRIPOD,
-            {"elastic forces", "reduction", "back-substitution", "inertia", "damping", "servo arms"},
+            {"elastic forces", "reduction", "back-substitution", "inertia", "dampers", "servo arms"},
         ),
         ("maze", TRIPOD, {"ball", "gravity"}),
         (SHARP, [*TRIPOD, "inertia=off", "damping=off"], {"load increments", "factorisation"}),

@@ -354,7 +354,7 @@ def test_masses_in_a_line_are_refused() -> None:
     assert len(line) == 3
     system = System(rest, [solid], Groups(len(rest), (line,)))
     with raises_naming(SceneError, "rigid body 0", "3 nodes", "in a line", "implicit_euler"):
-        ExplicitSteps(system, mass, "rk4", drag=0.0, rayleigh=0.0, divide=True)
+        ExplicitSteps(system, mass, "rk4", drag=0.0, divide=True)
 
 
 @pytest.mark.parametrize(

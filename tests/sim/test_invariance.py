@@ -45,14 +45,14 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
         nodes, elements, order = change(nodes, elements)
         load, inert = (np.bincount(order, m) for m in (load, inert))
     nodes = rotation.apply(nodes)
-    solid = Solid(nodes, elements, mesh.kind, law, law_vector(law, LAM, MU))
+    damping = 0.0 if scheme == "static" else 1e-3
+    solid = Solid(nodes, elements, mesh.kind, law, law_vector(law, LAM, MU), damping=damping)
     groups = Groups(len(nodes), rigid=(np.sort(order[plate]),), fixed=np.sort(order[held]))
     weight = rotation.apply([2.0, 1.0, -9.0])
     gravity = GravityForce(load, tuple(weight), nodes)
     inertia = None if scheme == "static" else Anchor(len(nodes))
-    damping = 1e-3 if inertia else 0.0
     terms = [gravity, inertia] if inertia else [gravity]
-    system = System(nodes, [solid], groups, terms, damping=damping)
+    system = System(nodes, [solid], groups, terms, damped=inertia is not None)
     newton = Newton(system, 1e-11, 200)
     stepper = (
         ImplicitScheme(scheme, ImplicitStage(newton, inertia, inert, 0.5), 8)

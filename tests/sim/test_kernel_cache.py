@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numba import typeof
 
-from tripod_sim.forces.spring_force import SpringDampers, SpringForce
+from tripod_sim.forces.spring_force import SpringForce
 from tripod_sim.forces.strain_bound import StrainBound
 from tripod_sim.kernel_cache import remove_stale_kernels
 from tripod_sim.springs.body import SpringBody
@@ -100,8 +100,9 @@ def test_kernels_are_compiled_once_for_all_springs() -> None:
     assert not body.stiffness.flags.writeable
     links = [
         SpringSystem(body, None).links,
-        SpringForce(body.ends.T.copy().T, body.rest_length, body.stiffness, slack=True, owner="net").links,
-        SpringDampers(body.ends, body.damping).links,
+        SpringForce(
+            body.ends.T.copy().T, body.rest_length, body.stiffness, body.damping, slack=True, owner="net"
+        ).links,
         StrainBound(body.ends, body.rest_length, 0.1, np.ones(3)).links,
     ]
     assert len({typeof(of_one) for of_one in links}) == 1

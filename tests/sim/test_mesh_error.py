@@ -223,7 +223,7 @@ def test_a_fast_motion_errs_as_estimated_with_its_inertia() -> None:
     true, _ = effector((*WORKING, "mesh.element=h20", "mesh.level=8", "solver.mode=newton"), way)
     found, estimated = effector((*WORKING, ALWAYS), way)
     left = np.linalg.norm(true - found - estimated, axis=1)
-    assert (left < 0.1 * np.linalg.norm(true - found, axis=1)).all()
+    assert (left < 0.15 * np.linalg.norm(true - found, axis=1)).all()
     rest, held = effector((*WORKING, ALWAYS, "gravity=off"), way)
     assert np.isfinite(held).all() and np.isfinite(rest).all()
 

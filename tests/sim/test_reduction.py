@@ -142,23 +142,23 @@ def test_gradient_and_moves(pins: np.ndarray) -> None:
 
 
 def test_forces_that_are_relieved_balance_and_their_work_is_that_along_the_way() -> None:
-    """Of a body's residual force and moment its nodes lose `share` in all; the work is the mean force times the way."""
+    """Of a body's residual force and moment its nodes lose all; the work is the mean force times the way."""
     reduced = reduction(np.zeros((0, 2), dtype=np.int64))
     lever = reduced.lever
     for nodes in BODIES:
         lever[nodes] -= lever[nodes].mean(axis=0)
     residual, dx, change = (RNG.standard_normal(n) for n in (reduced.unknowns, (SIZE, 3), (SIZE, 3)))
-    g, share, first = FORCE.copy(), 0.6, 3 * len(reduced.free)
-    work = reduced.relieve(residual, share, MASS, dx, change, g)
+    g, first = FORCE.copy(), 3 * len(reduced.free)
+    work = reduced.relieve(residual, MASS, dx, change, g)
     part = g - FORCE
     assert work == pytest.approx(float(np.vdot(FORCE + 0.5 * part, dx)), rel=1e-12)
-    lost = part + share * MASS[:, None] * dx
-    np.testing.assert_allclose(lost[reduced.free].ravel(), -share * residual[:first], rtol=0, atol=1e-13)
+    lost = part + MASS[:, None] * dx
+    np.testing.assert_allclose(lost[reduced.free].ravel(), -residual[:first], rtol=0, atol=1e-13)
     for b, nodes in enumerate(BODIES):
         force, moment = residual[first + 6 * b :][:3], residual[first + 6 * b + 3 :][:3]
         r = lever[nodes]
         turn = np.linalg.solve((r**2).sum() * np.eye(3) - r.T @ r, moment)
-        expected = -share * (force / len(nodes) + np.cross(turn, r))
+        expected = -(force / len(nodes) + np.cross(turn, r))
         np.testing.assert_allclose(lost[nodes], expected, rtol=0, atol=1e-12)
     held = np.concatenate([*DRIVEN, FIXED])
     np.testing.assert_allclose(part[held], change[held], rtol=0, atol=1e-15)

@@ -30,11 +30,12 @@ SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2", "semi_implicit_euler", "explicit
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_momentum_is_what_gravity_gives(scheme: str) -> None:
+    steps = 5 if scheme == "explicit_euler" else 100  # before what is unstable outgrows rounding
     simulation = tumbling([f"inertia.scheme={scheme}", "solver.tolerance=1e-12", "dt=0.002"])
     start, _ = momenta(simulation)
-    simulation.advance(100)
+    simulation.advance(steps)
     end, _ = momenta(simulation)
-    gained = simulation.mesh.mass.sum() * np.array([0, 0, -9.81]) * 0.2
+    gained = simulation.mesh.mass.sum() * np.array([0, 0, -9.81]) * 0.002 * steps
     np.testing.assert_allclose(end, start + gained, atol=1e-12)
 
 
@@ -126,7 +127,7 @@ def test_a_hanging_cloth_comes_to_rest_in_the_static_shape(compressed: str) -> N
     words = ["springs.nodes=8", f"springs.compressed={compressed}", "solver.tolerance=1e-11", "springs.bending=20",
              "springs.node_mass=0.01"]  # fmt: skip
     moving = Simulation(load_scene("cloth", [*words, "damping={mass=4.0, stiffness=0.01}"]))
-    moving.advance(4000)
+    moving.advance(8000)
     assert moving.energies().kinetic < 1e-14
     static = Simulation(load_scene("cloth", [*words, "inertia=off"]))
     if compressed == "push":  # it folds in one of many ways
@@ -168,7 +169,10 @@ def test_the_result_does_not_depend_on_the_linear_solver(n: int) -> None:
 
 @pytest.mark.parametrize("linear", ["ldl", "cg"])
 def test_a_step_of_one_solve_is_the_linear_equation_of_implicit_euler(linear: str) -> None:
-    """(1 + h a) M dv + h (h + b) K dv = h (f - a M v - (h + b) K v), K = - df/dx here by differences of the force."""
+    """((1 + h a) M + h² K + h C) dv = h (f - a M v - (h K + C) v), K = - df/dx here by differences of the force.
+
+    C is the sum of b k n n^T over the springs.
+    """
     a, b, h = 0.3, 0.02, 0.01
     words = [f"solver.linear={linear}", "solver.linear_tolerance=1e-12", "solver.mode=one_solve", "springs.nodes=4",
              "springs.damping=0",
@@ -201,8 +205,13 @@ def test_a_step_of_one_solve_is_the_linear_equation_of_implicit_euler(linear: st
     M = np.repeat(body.mass, 3)[free]
     force = pulls(x).ravel()[free] + M * np.tile([0.0, 0.0, -9.81], len(body.free))
     u = v.ravel()[free]
+    n = (x[j] - x[i]) / np.linalg.norm(x[j] - x[i], axis=1, keepdims=True)
+    rows = np.zeros((len(n), *x.shape))
+    rows[np.arange(len(n)), j], rows[np.arange(len(n)), i] = n, -n
+    rows = rows.reshape(len(n), -1)[:, free]
+    C = b * rows.T @ (body.stiffness[:, None] * rows)
     dv = np.linalg.solve(
-        (1 + h * a) * np.diag(M) + h * (h + b) * K, h * (force - a * M * u - (h + b) * K @ u)
+        (1 + h * a) * np.diag(M) + h * (h * K + C), h * (force - a * M * u - (h * K + C) @ u)
     )
     report = simulation.step()
     assert report.iterations == 1

@@ -253,7 +253,7 @@ def test_servos_move_beside_a_bound_and_the_static_body_has_none(scheme: str) ->
     words = [
         "contact=off",
         "body.0.springs.nodes=4",
-        "body.0.springs.stiffness=2.0",
+        "body.0.springs.stiffness=1.0",
         f"inertia.scheme={scheme}",
         "dt=1e-3",
     ]

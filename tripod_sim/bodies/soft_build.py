@@ -23,7 +23,6 @@ from tripod_sim.tables.bodies import Body, Material, Mesh, Region
 
 if TYPE_CHECKING:
     from tripod_sim.forces.element_inertia import ElementMasses
-    from tripod_sim.forces.spring_force import SpringDampers
     from tripod_sim.forces.strain_bound import StrainBound
 
 
@@ -159,7 +158,9 @@ def element_masses(assembly: Assembly, sets: NodeSets) -> "list[ElementMasses]":
     return found
 
 
-def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: Groups) -> list[ElasticTerm]:
+def elastic_terms(
+    assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: Groups, damping: float
+) -> list[ElasticTerm]:
     """Return the strain energy of the bodies: a solid for each material of each, springs.
 
     Args:
@@ -167,6 +168,7 @@ def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: 
         sets: Of the scene.
         rest: Undeformed positions of all nodes of the system [m], shape (n, 3).
         groups: What ties nodes: elements that cannot deform are left out.
+        damping: b, the viscosity over the stiffness undeformed [s].
     """
     terms = list[ElasticTerm]()
     alone = len(assembly.bodies) == 1
@@ -176,7 +178,10 @@ def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: 
             from tripod_sim.forces.spring_force import SpringForce  # noqa: PLC0415 - only with springs
 
             length, stiffness = net.rest_length[moving], net.stiffness[moving]
-            terms.append(SpringForce(body.blocks[moving], length, stiffness, slack=net.slack, owner=name))
+            dampers = net.damping[moving] + damping * stiffness
+            terms.append(
+                SpringForce(body.blocks[moving], length, stiffness, dampers, slack=net.slack, owner=name)
+            )
             continue
         from tripod_sim.forces.solid import Solid  # noqa: PLC0415 - only with solids
 
@@ -191,18 +196,9 @@ def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: 
             chosen = np.ascontiguousarray(body.blocks[moving & (of == k)])
             if len(chosen):
                 own = parameters_of(part)
-                terms.append(Solid(rest, chosen, mesh.kind, part.law, own, "" if alone else name))
+                owner = "" if alone else name
+                terms.append(Solid(rest, chosen, mesh.kind, part.law, own, owner, damping))
     return terms
-
-
-def spring_dampers(assembly: Assembly) -> "SpringDampers | None":
-    """Return the dampers along springs; None where there are none."""
-    nets = [(b.blocks, b.net.damping) for b in assembly.bodies if b.net and b.net.damping.any()]
-    if not nets:
-        return None
-    from tripod_sim.forces.spring_force import SpringDampers  # noqa: PLC0415 - an effect that is absent
-
-    return SpringDampers(np.concatenate([e for e, _ in nets]), np.concatenate([c for _, c in nets]))
 
 
 def strain_bound(assembly: Assembly, groups: Groups, mass: FloatArray, stretch: float) -> "StrainBound":

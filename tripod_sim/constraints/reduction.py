@@ -184,19 +184,17 @@ class Reduction:
             out[self.pinned] = 0.0
 
     def relieve(
-        self, residual: FloatArray, share: float, weight: FloatArray, dx: FloatArray, change: FloatArray,
-        g: FloatArray,
-    ) -> float:  # fmt: skip
+        self, residual: FloatArray, weight: FloatArray, dx: FloatArray, change: FloatArray, g: FloatArray
+    ) -> float:
         """Take off forces what is unbalanced after a move; return the work that they resist with on the way [J].
 
         The levers are those from the mean of each body's nodes.
 
-        Free nodes and those of bodies lose `share` of the residual and of weight dx; of a body's residual F, T each of
+        Free nodes and those of bodies lose the residual and weight dx; of a body's residual F, T each of
         its n nodes has F / n + t x r, where t makes T = sum r x (t x r). Driven and fixed nodes gain `change`.
 
         Args:
             residual: Reduced gradient [N, N m], shape (unknowns,).
-            share: Of the residual that these forces take.
             weight: Isotropic nodal stiffness [N/m], shape (nodes,).
             dx: The move [m], shape (nodes, 3).
             change: [N], shape (nodes, 3).
@@ -205,7 +203,7 @@ class Reduction:
         first = 3 * self.free_count
         return float(
             _relieve(
-                residual, share, weight, dx, change, self.lever, self.kind, self.number, self.base, first, self.bodies,
+                residual, weight, dx, change, self.lever, self.kind, self.number, self.base, first, self.bodies,
                 g,
             )
         )  # fmt: skip
@@ -273,7 +271,6 @@ def _gradient(
 @njit(cache=True, error_model="numpy")
 def _relieve(
     residual: Array,
-    share: float,
     weight: Array,
     dx: Array,
     change: Array,
@@ -312,15 +309,15 @@ def _relieve(
     work = 0.0
     for n in range(g.shape[0]):
         for i in range(3):
-            part[i] = -share * weight[n] * dx[n, i]
+            part[i] = -weight[n] * dx[n, i]
         if kind[n] == FREE:
             for i in range(3):
-                part[i] -= share * residual[base[n] + i]
+                part[i] -= residual[base[n] + i]
         elif kind[n] == RIGID:
             r, b, t = lever[n], number[n], turn[number[n]]
             for i in range(3):
                 j, k = (i + 1) % 3, (i + 2) % 3
-                part[i] -= share * (residual[first + 6 * b + i] / sizes[b] + t[j] * r[k] - t[k] * r[j])
+                part[i] -= residual[first + 6 * b + i] / sizes[b] + t[j] * r[k] - t[k] * r[j]
         else:
             for i in range(3):
                 part[i] = change[n, i]

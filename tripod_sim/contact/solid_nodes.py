@@ -105,7 +105,7 @@ class SolidNodes(Nodes):
         self._memory: Memory | None = None
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
         self._kept: tuple[State, float] | None = None
-        self._projected = self._hold = False
+        self._projected = False
         self._along, self._answers = (
             system.another_linear(),
             False,
@@ -124,8 +124,8 @@ class SolidNodes(Nodes):
 
     @property
     def lasting(self) -> bool:
-        """Whether the Hessian of a step may serve in the next: not where the damping is that of its start."""
-        return not (self._projected or self._hold or self.bound)
+        """Whether the Hessian of a step may serve in the next."""
+        return not (self._projected or self.bound)
 
     # what the stepper asks --------------------------------------------------------------------------------------------
 
@@ -148,7 +148,7 @@ class SolidNodes(Nodes):
         if self.bound:
             self.bound.relax()
         self._at[:] = np.nan
-        self._hold = self._projected = False
+        self._projected = False
 
     def add_reactions(self, forces: FloatArray) -> None:
         """Let the system's gradient and torques be those with forces on the surface [N], shape (k, 3)."""
@@ -209,14 +209,9 @@ class SolidNodes(Nodes):
             self._memory.known(self._read, stage, known)
         self._stage.aim(stage.s)
         if not self.served:  # what dampers remember is of this stage now
-            self._hold, self._projected = self._projected, False
-            self._answers = False
-            if self._hold or system.assemble(start, project=False) >= 0:
+            self._projected = self._answers = False
+            if system.assemble(start, project=False) >= 0:
                 system.assemble(start, project=True)  # the condensation of the modes is that of the start
-        if system.damping and not self.served:
-            system.damping.held = False
-            if self._hold:
-                system.damping.hold()
         left = self._left - stage.length
         joints = self._goal if left < 1e-9 * stage.length else start.joints + stage.length * self._rate
         start.copy_to(trial)

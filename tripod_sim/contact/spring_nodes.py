@@ -10,7 +10,7 @@ from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.springs.implicit import problem_of, work_of
 from tripod_sim.springs.implicit_kernels import write_blocks
 from tripod_sim.springs.linear_kernels import Slots, assemble
-from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
+from tripod_sim.springs.spring_kernels import add_gradient, lengths, tangents
 from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
 from tripod_sim.system_kernels import dot
@@ -24,7 +24,7 @@ class SpringNodes(Nodes):
 
     With d = u - w the way from where the stage looks back, w = z - x (see `integrators.looking_back`),
 
-        M |d - s u_0|² / (2 s²) + a M |d|² / (2 s) + b / (2 s) d^T K_n d + E(x + u) + D(x + u) - F . u
+        M |d - s u_0|² / (2 s²) + a M |d|² / (2 s) + E(x + u) + D(x + u) - F . u
 
     (u_0 what is known of the velocity; the rest as in `springs.implicit_kernels`) and, with a limit of strains, that of
     the springs beyond their bound (see `forces.strain_bound`).
@@ -39,12 +39,11 @@ class SpringNodes(Nodes):
         system: SpringSystem,
         *,
         drag: float = 0.0,
-        rayleigh: float = 0.0,
         bound: "StrainBound | None" = None,
     ) -> None:
-        """`drag`: a of the force -a M v [1/s]; `rayleigh`: b of the force -b K v [s]; `bound`: of strains."""
+        """`drag`: a of the force -a M v [1/s]; `bound`: of strains."""
         body = system.body
-        self._problem = problem_of(system, drag=drag, rayleigh=rayleigh, moving=True)
+        self._problem = problem_of(system, drag=drag, moving=True)
         self.bound = bound
         self.unknowns, self._free = system.unknowns, body.free
         self.reach = np.ones(self.unknowns)
@@ -62,7 +61,7 @@ class SpringNodes(Nodes):
         self.x, self.v, self._lengths = self._parts(self._now)
         z, v, reference = self._parts(self._known)
         self._work = work_of(system, iterates=False)._replace(z=z, u=v, reference=reference)
-        self._at, self._moves, self._ways = np.zeros((3, n, 3))
+        self._at, self._moves = np.zeros((2, n, 3))
         self._mass, self._force = np.repeat(system.mass[self._free], 3), system.force[self._free].ravel()
         self._way, self._aim = np.zeros((2, self.unknowns))  # w and w + s u_0
         self._stage, self._kept = Stage(1.0, 1.0), self._now
@@ -142,8 +141,6 @@ class SpringNodes(Nodes):
         self._memory.known(self._now, stage, self._known)
         self._way[:] = (self._work.z - self.x)[self._free].ravel()
         self._aim[:] = self._way + stage.s * self._work.u[self._free].ravel()
-        if self._problem.rayleigh:
-            tangents(self.x, links, 0.0, self._lengths, True, self._work.lagged)
 
     def guess(self, u: FloatArray) -> None:
         """Write the moves of a stage without forces."""
@@ -164,9 +161,6 @@ class SpringNodes(Nodes):
         phi += add_gradient(
             self.moved(u), body.links, 1.0 / s if body.damped else 0.0, work.reference, work.g
         )
-        if body.rayleigh:
-            self._ways[free] = way.reshape(-1, 3)
-            phi += add_products(body.links.ends, work.lagged, self._ways, body.rayleigh / s, work.g)
         if self.bound:
             phi += add_gradient(self._at, self.bound.links, 0.0, work.reference, work.g)
         out += work.g[free].ravel()

@@ -1,15 +1,18 @@
-"""Effect: Rayleigh damping."""
+"""Effect: damping by mass and by stiffness."""
 
 from dataclasses import dataclass
 
 from tripod_sim.effect import Draft, Effect, Need
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.tables.fields import number
 
 
 @dataclass(frozen=True)
 class Damping:
-    """Rayleigh damping: the force -(a M + b K) v, K the tangent of the moment (b K v is the rate of elastic forces).
+    """Damping: a force -a M v against velocity, and a viscous stress b C_0 : dE/dt against deformation.
+
+    E is Green's strain, C_0 the law's tangent undeformed; springs get dampers of b times their stiffness. Small
+    vibrations about the unstressed shape are damped as by Rayleigh's b K v; motions that deform nothing, rotations
+    among them, are not.
 
     Attributes:
         mass: a [1/s].
@@ -21,9 +24,8 @@ class Damping:
 
 
 def act(damping: Damping, draft: Draft) -> None:
-    """Give implicit schemes the stiffness damping of the elastic terms; explicit ones have their own."""
-    if draft.scene.inertia.scheme not in EXPLICIT:
-        draft.damping = damping.stiffness
+    """Give solids and springs their dampers."""
+    draft.damping = damping.stiffness
 
 
 EFFECT = Effect(
@@ -32,8 +34,5 @@ EFFECT = Effect(
     springs=True,
     rest=False,
     needs=(Need("inertia", "without velocity there is nothing to damp"),),
-    modules=("forces.rayleigh",),
-    stages={"forces.rayleigh.StiffnessDamping": {"add_gradient": "damping", "hold": "damping"}},
-    steps=("damping",),
     act=act,
 )

@@ -24,7 +24,6 @@ PARTS = {
     "system": "system: gradient and residual",
     "forces.gravity": "gravity",
     "forces.anchor": "inertia",
-    "forces.rayleigh": "damping",
     "forces.foundation": "clamp",
     "forces.loads": "ball",
     "robot.servo": "servo dynamics",

@@ -24,7 +24,7 @@ CORE: dict[str, dict[str, str]] = {
         "move": MOVES,
     },
     "constraints.reduction.Reduction": {"gradient": REDUCTION, "hessian": REDUCTION, "moves": MOVES},
-    "forces.spring_force.SpringDampers": {"add_gradient": "dampers", "stiffness": ASSEMBLY},
+    "forces.elastic.Elastic": {"add_damper_gradient": "dampers", "remember": "dampers", "aim": "dampers"},
     "linear.ldl.Ldl": {"factor": FACTORISATION, "is_positive": FACTORISATION, "solve": SOLUTION},
     "linear.cholmod.Cholmod": {"factor": FACTORISATION, "is_positive": FACTORISATION, "solve": SOLUTION},
     "linear.cg.ConjugateGradients": {"factor": "preconditioner", "solve": "conjugate gradients"},

@@ -22,17 +22,22 @@ class ElasticTerm:
     Modes are amplitudes that belong to single elements and are condensed (see `solid_kernels`); a term has none unless
     it says so.
 
+    It may have a damper, whose potential D(x, modes) in an implicit stage knows the rate of its own measure of strain.
+
     Attributes:
         elements: Node indices of its blocks, shape (m, k), the same while it lives.
         matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, 3 k, 3 k).
-        mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
+        mode_residual_squared: |d(E + D)/d modes|² of the last gradient [N²].
         has_modes: Whether the elements have modes.
+        remembers: How many numbers its damper takes the rate of, which schemes combine as they do positions; 0 without
+            one.
     """
 
     elements: IndexArray
     matrices: FloatArray
     mode_residual_squared = 0.0
     has_modes = False
+    remembers = 0
 
     def rest_modes(self) -> FloatArray:
         """Return the modes of the undeformed body [m], shape (m, modes of an element, 3)."""
@@ -46,22 +51,56 @@ class ElasticTerm:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
         raise NotImplementedError
 
-    def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
-        """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
+    def add_gradients(
+        self, x: FloatArray, modes: FloatArray, g: FloatArray, d: FloatArray
+    ) -> tuple[float, float]:
+        """As `add_gradient`; add the condensed dD/dx of the damper to `d`, too, and return E and D [J]."""
+        return self.add_gradient(x, modes, g), 0.0
+
+    def add_damper_gradient(self, x: FloatArray, modes: FloatArray, d: FloatArray) -> float:
+        """Add the condensed dD/dx of the damper [N] to `d`, shape (n, 3), and return D [J]."""
+        return 0.0
+
+    def remember(self, x: FloatArray, modes: FloatArray, out: FloatArray, *, known: bool) -> None:
+        """Write what its damper takes the rate of to `out`, shape (remembers,).
+
+        `known`: whether `add_gradients` or `add_damper_gradient` was called last at this `x` and these modes.
+        """
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Let the damper be that of a stage of `s` [s]; `known`: what the scheme makes of what `remember` writes."""
+
+    def add_rates(
+        self, x: FloatArray, modes: FloatArray, y: FloatArray, factor: float, out: FloatArray
+    ) -> None:
+        """Add `factor` C y to `out`, both of shape (n, 3), C the damper's matrix at `x`."""
+
+    def add_damping_bound(self, x: FloatArray, modes: FloatArray, v: FloatArray, out: FloatArray) -> None:
+        """Add C v to `out` [N], both of shape (n, 3), C the damper's matrix at `x`, or one that it never exceeds."""
+        self.add_rates(x, modes, v, 1.0, out)
+
+    def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
+        """Write `matrices`, with those of the damper in a stage or without.
+
+        Returns -1, or the first element whose modes are unstable (only without `project`).
+        """
         raise NotImplementedError
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
 
-    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
-        """Bring `modes` to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
+    def settle_modes(
+        self, x: FloatArray, modes: FloatArray, tolerance: float, *, damper: bool = False
+    ) -> float:
+        """Bring `modes` to the least E, or E + D, at `x`, in place, until the square of its slope is <= `tolerance`
+        [N²].
 
-        Infinite where E is; larger than `tolerance` where no rest is found.
+        Returns that square; infinite where E is; larger than `tolerance` where no rest is found.
         """
         return 0.0
 
     def balance_modes(self) -> None:
-        """Take the modes to be in balance after the last `advance_modes`: the next step moves them by -X dx alone."""
+        """Take the modes to be in balance: the next step moves them by -X dx alone."""
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
@@ -84,13 +123,16 @@ class Elastic:
     Attributes:
         terms: In the order of the modes.
         matrices: The element matrices of each term.
-        mode_residual_squared: Sum of the terms' [N²], of the last `add_gradient`.
+        mode_residual_squared: Sum of the terms' [N²], of the last gradient.
         has_modes: Whether a term has any.
+        remembers: Sum of the terms'; 0 where dampers do not count.
     """
 
-    def __init__(self, terms: Sequence[ElasticTerm], moved: IndexArray) -> None:
-        """`moved`: nodes whose move `add_response` is asked for."""
+    def __init__(self, terms: Sequence[ElasticTerm], moved: IndexArray, *, damped: bool = False) -> None:
+        """`moved`: nodes whose move `add_response` is asked for; `damped`: whether dampers of the terms count."""
         self.mode_residual_squared = 0.0
+        ends = np.cumsum([0, *(t.remembers if damped else 0 for t in terms)]).tolist()
+        self._memories, self.remembers = [slice(a, b) for a, b in pairwise(ends)], ends[-1]
         self.has_modes = any(t.has_modes for t in terms)
         self.matrices = [t.matrices for t in terms]
         self._every = [(t.elements, np.arange(len(t.elements))) for t in terms]
@@ -124,10 +166,65 @@ class Elastic:
         self.mode_residual_squared = residual
         return energy
 
+    def add_gradients(
+        self, x: FloatArray, modes: FloatArray, g: FloatArray, d: FloatArray
+    ) -> tuple[float, float]:
+        """As `add_gradient`; add the condensed dD/dx of dampers to `d`, too, and return E and D [J]."""
+        energy = damped = residual = 0.0
+        for k, term in enumerate(self.terms):
+            own = self.of(modes, k)
+            if self._damps(k):
+                stored, lost = term.add_gradients(x, own, g, d)
+                energy, damped = energy + stored, damped + lost
+            else:
+                energy += term.add_gradient(x, own, g)
+            residual += term.mode_residual_squared
+        self.mode_residual_squared = residual
+        return energy, damped
+
+    def add_damper_gradient(self, x: FloatArray, modes: FloatArray, d: FloatArray) -> float:
+        """Add the condensed dD/dx of dampers [N] to `d`, shape (n, 3), and return D [J]."""
+        damped = residual = 0.0
+        for k, term in enumerate(self.terms):
+            if self._damps(k):
+                damped += term.add_damper_gradient(x, self.of(modes, k), d)
+            residual += term.mode_residual_squared
+        self.mode_residual_squared = residual
+        return damped
+
+    def _damps(self, k: int) -> bool:
+        part = self._memories[k]
+        return bool(part.stop > part.start)
+
+    def remember(self, x: FloatArray, modes: FloatArray, out: FloatArray, *, known: bool) -> None:
+        """Write what dampers take the rates of to `out`, shape (remembers,)."""
+        for k, term in enumerate(self.terms):
+            if self._damps(k):
+                term.remember(x, self.of(modes, k), out[self._memories[k]], known=known)
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Let the dampers be those of a stage of `s` [s]."""
+        for k, term in enumerate(self.terms):
+            if self._damps(k):
+                term.aim(s, known[self._memories[k]])
+
+    def add_rates(
+        self, x: FloatArray, modes: FloatArray, y: FloatArray, factor: float, out: FloatArray
+    ) -> None:
+        """Add `factor` C y to `out`, both of shape (n, 3), C the dampers' matrix at `x`."""
+        for k, term in enumerate(self.terms):
+            if self._damps(k):
+                term.add_rates(x, self.of(modes, k), y, factor, out)
+
+    def add_damping_bound(self, x: FloatArray, modes: FloatArray, v: FloatArray, out: FloatArray) -> None:
+        """Add C v to `out` [N], both of shape (n, 3), C a bound of the matrix of all dampers."""
+        for k, term in enumerate(self.terms):
+            term.add_damping_bound(x, self.of(modes, k), v, out)
+
     def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
         """Write the terms' matrices; return -1, or the first element whose modes are unstable."""
         for k, term in enumerate(self.terms):
-            if (found := term.stiffness(x, self.of(modes, k), project=project)) >= 0:
+            if (found := term.stiffness(x, self.of(modes, k), damper=self._damps(k), project=project)) >= 0:
                 return found
         return -1
 
@@ -138,15 +235,13 @@ class Elastic:
                 term.advance_modes(self.of(modes, k), dx, scale, self.of(out, k))
 
     def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
-        """Bring the modes to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
-
-        Infinite where E is; larger than `tolerance` where no rest is found.
-        """
+        """As `ElasticTerm.settle_modes`, of all terms together."""
         having = [(term, k) for k, term in enumerate(self.terms) if term.has_modes]
-        return sum(term.settle_modes(x, self.of(modes, k), tolerance / len(having)) for term, k in having)
+        each = tolerance / max(1, len(having))
+        return sum(term.settle_modes(x, self.of(modes, k), each, damper=self._damps(k)) for term, k in having)
 
     def balance_modes(self) -> None:
-        """Take the modes to be in balance after the last `advance_modes`."""
+        """Take the modes to be in balance."""
         self.mode_residual_squared = 0.0
         for term in self.terms:
             term.balance_modes()

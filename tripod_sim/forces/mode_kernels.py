@@ -1,7 +1,7 @@
-"""Incompatible modes of elements whose nodes stand still: brought to the least strain energy, element by element.
+"""Incompatible modes of elements whose nodes stand still: brought to the least of E + D, element by element.
 
-With f_a = dE/da and K_aa its derivative, both of one element, a Newton step is d = -K_aa^-1 f_a. The inverse at hand
-serves on while it lowers the force tenfold; else it is made anew, projected where it is not positive definite, and
+With f_a = d(E + D)/da and K_aa its derivative, both of one element, a Newton step is d = -K_aa^-1 f_a. The inverse at
+hand serves on while it lowers the force tenfold; else it is made anew, projected where it is not positive definite, and
 the step is halved until it lowers energy or force [NocedalWright2006]. Modes of different elements have nothing to do
 with each other while the nodes stand still, so each element takes as many steps as it needs.
 """
@@ -11,8 +11,9 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
+from tripod_sim.forces.damper_kernels import add_damper_tangent, damper_stress, strain_rate
 from tripod_sim.forces.solid_arrays import SolidArrays
-from tripod_sim.forces.solid_kernels import constants, invert
+from tripod_sim.forces.solid_kernels import DAMPER, constants, invert
 from tripod_sim.materials import calls
 
 MOST_STEPS, MOST_HALVINGS = 30, 12
@@ -25,10 +26,10 @@ _stress, _tangent = calls.stress, calls.tangent
 
 
 @njit(cache=True, error_model="numpy")
-def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -> float:
+def settle_modes(x: Array, modes: Array, solid: SolidArrays, of: int, tolerance: float) -> float:
     """Move `modes` (m, k, 3) [m] to where |f_a|² of all elements is at most `tolerance` [N²], in place.
 
-    Its inverses K_aa^-1, shape (m, 3k, 3k), are renewed where they do not serve.
+    `of` is ELASTIC or BOTH. Its inverses K_aa^-1, shape (m, 3k, 3k), are renewed where they do not serve.
 
     Returns:
         |f_a|² [N²], infinite where a point has no energy at the start.
@@ -37,6 +38,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
     nodes, count, points = elements.shape[1], modes.shape[1], G.shape[1]
     base, force, ahead = np.empty((points, 3, 3)), np.empty((count, 3)), np.empty((count, 3))
     trial, step, C = np.empty((count, 3)), np.empty((count, 3)), np.empty((9, 9))
+    rate, viscosity = solid.rate[0] if of & DAMPER else 0.0, solid.viscosity
     enough, total = tolerance / elements.shape[0], 0.0
     for e in range(elements.shape[0]):
         for q in range(points):
@@ -46,8 +48,8 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
                     for a in range(nodes):
                         entry += x[elements[e, a], i] * G[e, q, j, a]
                     base[q, i, j] = entry
-        at, Ge, we = modes[e], G[e, :, :, nodes:], weight[e]
-        energy, left = _force(at, base, Ge, we, law, p, force)
+        at, Ge, we, before = modes[e], G[e, :, :, nodes:], weight[e], solid.before[e]
+        energy, left = _force(at, base, Ge, we, law, p, rate, viscosity, before, force)
         if not np.isfinite(energy):
             return np.inf
         fresh = False
@@ -60,7 +62,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
                 for k in range(count):
                     for i in range(3):
                         trial[k, i] = at[k, i] - scale * step[k, i]
-                after, smaller = _force(trial, base, Ge, we, law, p, ahead)
+                after, smaller = _force(trial, base, Ge, we, law, p, rate, viscosity, before, ahead)
                 if fresh:
                     moved = np.isfinite(after) and (after < energy or smaller < left)
                 else:
@@ -72,7 +74,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
                 put(at, trial)
                 put(force, ahead)
                 fresh, energy, left = False, after, smaller
-            elif fresh or not _renew(at, base, Ge, we, law, p, C, solid.inverse[e]):
+            elif fresh or not _renew(at, base, Ge, we, law, p, rate, viscosity, before, C, solid.inverse[e]):
                 break
             else:
                 fresh = True
@@ -93,10 +95,12 @@ def _deformation(modes: Array, base: Array, G: Array, F: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _force(
-    modes: Array, base: Array, G: Array, weight: Array, law: Array, p: Array, force: Array
-) -> tuple[float, float]:
-    """Write f_a (k, 3) [N] of one element; return its energy [J], infinite for none, and |f_a|² [N²]."""
-    F, P = np.empty((3, 3)), np.empty((3, 3))
+    modes: Array, base: Array, G: Array, weight: Array, law: Array, p: Array, rate: float, viscosity: Array,
+    before: Array, force: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """Write f_a (k, 3) [N] of one element; return its E + D [J], infinite for none, and |f_a|² [N²]; `rate` 0: no D."""
+    F, P, A = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    Q, strain = np.empty((3, 3)), np.empty(6)
     energy, square = 0.0, 0.0
     force[:] = 0.0
     for q in range(base.shape[0]):
@@ -105,6 +109,12 @@ def _force(
         if not np.isfinite(density):
             return np.inf, np.inf
         energy += weight[q] * density
+        if rate > 0.0:
+            strain_rate(F, rate, before[q], strain, A)
+            energy += 0.5 * weight[q] / rate * damper_stress(F, A, viscosity, 0.0, Q)
+            for i in range(3):
+                for j in range(3):
+                    P[i, j] += Q[i, j]
         for k in range(modes.shape[0]):
             for i in range(3):
                 force[k, i] += weight[q] * (
@@ -133,17 +143,22 @@ def _renew(
     weight: Array,
     law: Array,
     p: Array,
+    rate: float,
+    viscosity: Array,
+    before: Array,
     C: Array,
     inverse: Array,
 ) -> bool:
     """Write K_aa^-1 of one element, as it is or else projected; return whether there is one. C: scratch (9, 9)."""
-    F, rows = np.empty((3, 3)), np.empty((3, 9))
+    F, rows, S = np.empty((3, 3)), np.empty((3, 9)), np.empty((3, 3))
     count = modes.shape[0]
     for project in (False, True):
         inverse[:] = 0.0
         for q in range(base.shape[0]):
             _deformation(modes, base[q], G[q], F)
             _tangent(law, F, p, project, C)
+            if rate > 0.0:
+                add_damper_tangent(F, rate, before[q], viscosity, 0.0, project, S, C)
             for k in range(count):
                 for i in range(3):
                     for c in range(9):

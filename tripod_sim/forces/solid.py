@@ -7,9 +7,11 @@ from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.mode_kernels import settle_modes
+from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials.calls import addresses
-from tripod_sim.materials.law import law_named
+from tripod_sim.materials.law import law_named, undeformed_tangent
+from tripod_sim.materials.laws import KAPPA
 
 CRUSHED, BLOWN_UP = 0.3, 3.0
 """Volume ratios beyond which an element is named as what a solve may have failed by."""
@@ -17,6 +19,8 @@ CRUSHED, BLOWN_UP = 0.3, 3.0
 
 class Solid(ElasticTerm):
     """Strain energy E = sum over elements and points of weight psi(F), its gradient and its condensed stiffness.
+
+    Its damper, if it has one, has the stress of `damper_kernels` at each point.
 
     Incompatible modes, where the element has them, are condensed with the stiffness of the last call of `stiffness`;
     a Newton step of the nodes by dx moves them by -y - X dx (see `solid_kernels`).
@@ -35,8 +39,17 @@ class Solid(ElasticTerm):
         law: str,
         parameters: FloatArray,
         owner: str = "",
+        damping: float = 0.0,
     ) -> None:
-        """`nodes`: undeformed positions [m], shape (n, 3); `parameters`: of the law (`materials.laws`)."""
+        """Take the elements of a mesh.
+
+        Args:
+            nodes: Undeformed positions [m], shape (n, 3).
+            elements: Node indices, shape (m, nodes of an element).
+            kind, law, parameters: Of the elements and their material (`materials.laws`).
+            owner: Name of the body, for messages.
+            damping: b, the viscosity over the stiffness undeformed [s].
+        """
         self.elements, self._owner, functions = elements, owner, addresses(law_named(law))
         gradients, weight = reference_gradients(kind, nodes[elements])
         G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
@@ -45,9 +58,16 @@ class Solid(ElasticTerm):
         self.has_modes = self._modes > 0
         extra = 3 * self._modes
         self.matrices = np.zeros((count, dofs, dofs))
+        lam, mu = undeformed_tangent(law, parameters)
+        kappa = parameters[KAPPA] if kind.mean_dilatation else 0.0
+        points = weight.shape[1] if damping else 0
+        self.remembers = count * points * 6
+        y, pull, push = np.zeros((3, count, extra))
+        before, strain = np.zeros((2, count, points, 6))
         self._arrays = SolidArrays(
             elements, np.arange(count), G, weight, functions, parameters, kind.mean_dilatation, self.matrices,
-            np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), np.zeros((count, extra)),
+            np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), y, pull, push,
+            damping * np.array([lam - kappa, mu, kappa]), np.zeros(1), before, strain,
         )  # fmt: skip
 
     def arrays(self) -> SolidArrays:
@@ -65,33 +85,70 @@ class Solid(ElasticTerm):
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3); infinite where the material has none."""
-        apart = self._arrays._replace(
-            y=np.empty_like(self._arrays.y)
-        )  # the y at hand stays that of the last gradient
-        return float(kernels.solid_gradient(x, modes, apart, np.zeros_like(x))[0])
+        y, pull = np.empty((2, *self._arrays.y.shape))  # those at hand stay those of the last gradient
+        apart, g = self._arrays._replace(y=y, pull=pull), np.zeros_like(x)
+        return float(kernels.solid_gradient(x, modes, apart, kernels.ELASTIC, g, g)[0])
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
-        energy, self.mode_residual_squared = kernels.solid_gradient(x, modes, self._arrays, g)
-        return float(energy)
+        return self._add(x, modes, kernels.ELASTIC, g, g)[0]
 
-    def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
+    def add_gradients(
+        self, x: FloatArray, modes: FloatArray, g: FloatArray, d: FloatArray
+    ) -> tuple[float, float]:
+        """As `add_gradient`; add the condensed dD/dx of the damper to `d`, too, and return E and D [J]."""
+        return self._add(x, modes, kernels.BOTH, g, d)
+
+    def add_damper_gradient(self, x: FloatArray, modes: FloatArray, d: FloatArray) -> float:
+        """Add the condensed dD/dx [N] to `d`, shape (n, 3), and return D [J]."""
+        return self._add(x, modes, kernels.DAMPER, d, d)[1]
+
+    def _add(
+        self, x: FloatArray, modes: FloatArray, of: int, g: FloatArray, d: FloatArray
+    ) -> tuple[float, float]:
+        energy, damped, self.mode_residual_squared = kernels.solid_gradient(x, modes, self._arrays, of, g, d)
+        return float(energy), float(damped)
+
+    def remember(self, x: FloatArray, modes: FloatArray, out: FloatArray, *, known: bool) -> None:
+        """Write Green's strain at each point to `out`; `known`: it is that of the last gradient with the damper."""
+        if not known:
+            kernels.write_strains(x, modes, self._arrays)
+        out[:] = self._arrays.strain.reshape(-1)
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Let the damper be that of a stage of `s` [s], whose strains before are `known`, shape (remembers,)."""
+        self._arrays.rate[0] = 1.0 / s
+        self._arrays.before.reshape(-1)[:] = known
+
+    def add_rates(
+        self, x: FloatArray, modes: FloatArray, y: FloatArray, factor: float, out: FloatArray
+    ) -> None:
+        """Add `factor` C y to `out`, both of shape (n, 3), C the damper's matrix at `x`."""
+        add_solid_rates(x, y, modes, self._arrays, factor, out)
+
+    def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
         """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
-        return int(kernels.solid_stiffness(x, modes, self._arrays, project))
+        return int(
+            kernels.solid_stiffness(
+                x, modes, self._arrays, kernels.BOTH if damper else kernels.ELASTIC, project
+            )
+        )
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
         kernels.update_modes(modes, self.elements, self._arrays.X, self._arrays.y, dx, scale, out)
 
-    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
-        """Bring `modes` to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
-
-        Infinite where E is; larger than `tolerance` where no rest is found.
-        """
-        return float(settle_modes(x, modes, self._arrays, tolerance))
+    def settle_modes(
+        self, x: FloatArray, modes: FloatArray, tolerance: float, *, damper: bool = False
+    ) -> float:
+        """As `ElasticTerm.settle_modes`."""
+        return float(
+            settle_modes(x, modes, self._arrays, kernels.BOTH if damper else kernels.ELASTIC, tolerance)
+        )
 
     def balance_modes(self) -> None:
-        """Take the modes to be in balance after the last `advance_modes`: the next step moves them by -X dx alone."""
+        """Take the modes to be in balance, f_a = -h_a: the next step moves them by -X dx alone."""
+        np.negative(self._arrays.push, out=self._arrays.pull)
         self._arrays.y[:] = 0.0
         self.mode_residual_squared = 0.0
 

@@ -9,6 +9,9 @@ Condensation: with f_u, f_a the gradients with respect to nodes and modes and K_
 
     X = K_aa^-1 K_au,   y = K_aa^-1 f_a,   g = f_u - X^T f_a,   K = K_uu - K_ua X,   d_modes = -y - X d_x.
 
+A damper has the gradient h_u, h_a and the tangent of its own (see `damper_kernels`), which are added to these before
+they are condensed: modes are where E and D together are least.
+
 Mean dilatation (`mean`; v, kappa: see `materials.laws`): with v* = sum_q w v / sum_q w the density at a point becomes
 psi - kappa/2 (v - v*)^2, its stress P + kappa (v* - v) dv/dF, and the tangent of an element gains
 kappa b b^T / sum_q w, b = sum_q w dv/dx.
@@ -18,10 +21,20 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.forces.damper_kernels import (
+    add_damper_tangent,
+    add_swelling,
+    damper_stress,
+    strain_rate,
+    volume_rate,
+)
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials import calls
 from tripod_sim.materials.laws import KAPPA
 from tripod_sim.materials.spectral import determinant
+
+ELASTIC, DAMPER, BOTH = 1, 2, 3
+"""What a gradient is of."""
 
 _stress, _tangent = calls.stress, calls.tangent
 _volume_slope, _tangent_at_mean = calls.volume_slope, calls.tangent_at_mean
@@ -56,24 +69,45 @@ def gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
-def condense_forces(e: int, f: Array, solid: SolidArrays, factor: float, y: Array, g: Array) -> float:
-    """Add factor (f_u - X^T f_a) of one element to `g`, its f (3, c) being destroyed; write y; return |f_a|²."""
-    elements, X, K_aa_inverse = solid.elements, solid.X, solid.inverse
-    nodes, size, square = elements.shape[1], y.shape[1], 0.0
+def _condense_forces(e: int, f: Array, h: Array, solid: SolidArrays, of: int, g: Array, d: Array) -> float:
+    """Add f_u - X^T f_a of one element to `g` and the same of h to `d`, f and h (3, c) being destroyed; write y.
+
+    f_a is that at hand where `of` is the damper alone. Returns |f_a + h_a|².
+    """
+    elements, X, K_aa_inverse, y = solid.elements, solid.X, solid.inverse, solid.y
+    nodes, size, square = elements.shape[1], solid.y.shape[1], 0.0
     for r in range(size):
         y[e, r] = 0.0
     for c in range(size):
-        fa = f[c % 3, nodes + c // 3]
-        square += fa * fa
+        i, k = c % 3, nodes + c // 3
+        if of & ELASTIC:
+            solid.pull[e, c] = f[i, k]
+        total = solid.pull[e, c]
+        if of & DAMPER:
+            solid.push[e, c] = h[i, k]
+            total += h[i, k]
+        square += total * total
         for r in range(size):
-            y[e, r] += K_aa_inverse[e, c, r] * fa
+            y[e, r] += K_aa_inverse[e, c, r] * total
+    if of & ELASTIC:
+        scatter(e, f, elements, X, g)
+    if of & DAMPER:
+        scatter(e, h, elements, X, d)
+    return square
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def scatter(e: int, f: Array, elements: Array, X: Array, g: Array) -> None:
+    """Add f_u - X^T f_a of one element to `g`; f (3, c) is destroyed."""
+    nodes = elements.shape[1]
+    for c in range(X.shape[1]):
+        fa = f[c % 3, nodes + c // 3]
         for a in range(nodes):
             for i in range(3):
                 f[i, a] -= X[e, c, 3 * a + i] * fa
     for a in range(nodes):
         for i in range(3):
-            g[elements[e, a], i] += factor * f[i, a]
-    return square
+            g[elements[e, a], i] += f[i, a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -88,49 +122,97 @@ def _mean_volume(xe: Array, G: Array, weight: Array, law: Array, F: Array, slope
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solid_gradient(x: Array, modes: Array, solid: SolidArrays, g: Array) -> tuple[float, float]:
-    """Add the condensed gradient dE/dx [N] to `g` (n, 3) with the X and K_aa^-1 of the last stiffness; write y.
+def solid_gradient(
+    x: Array, modes: Array, solid: SolidArrays, of: int, g: Array, d: Array
+) -> tuple[float, float, float]:
+    """Add the condensed dE/dx [N] to `g` and dD/dx to `d` (n, 3), with the X and K_aa^-1 of the last stiffness; write
+    y.
+
+    Args:
+        x, modes, solid: See the module.
+        of: ELASTIC, DAMPER or BOTH; what is left out is not touched, and f_a is then that at hand.
+        g, d: Output.
 
     Returns:
-        The strain energy [J], infinite if a point has none (then `g` is not to be used), and |f_a|² [N²].
+        The strain energy [J], infinite if a point has none (then `g` is not to be used), D [J], |f_a + h_a|² [N²].
     """
     elements, G, weight, law, p, mean = constants(solid)
-    count = G.shape[3]
-    xe, f = np.empty((3, count)), np.empty((3, count))
-    F, P, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    shared, kappa = 0.0, p[KAPPA]
-    total = unbalanced = 0.0
+    count, rate = G.shape[3], solid.rate[0]
+    xe, f, h = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
+    F, P, slope, A = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    shared, kappa, swelling = 0.0, p[KAPPA], 0.0
+    total = damped = unbalanced = 0.0
+    elastic, damper = of & ELASTIC != 0, of & DAMPER != 0
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
         f[:] = 0.0
-        if mean:
+        h[:] = 0.0
+        if mean and elastic:
             shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
+        if mean and damper:
+            swelling = solid.viscosity[2] * _mean_rate(e, xe, solid, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             deformation(xe, Ge, F)
-            density = _stress(law, F, p, P)
-            if not np.isfinite(density):
-                return np.inf, np.inf
-            if mean:
-                excess = _volume_slope(law, F, slope) - shared
-                density -= 0.5 * kappa * excess * excess
-                for i in range(3):
-                    for j in range(3):
-                        P[i, j] -= kappa * excess * slope[i, j]
-            total += w * density
-            for i in range(3):
-                p0, p1, p2 = w * P[i, 0], w * P[i, 1], w * P[i, 2]
-                for a in range(count):
-                    f[i, a] += p0 * Ge[0, a] + p1 * Ge[1, a] + p2 * Ge[2, a]
-        unbalanced += condense_forces(e, f, solid, 1.0, solid.y, g)
-    return total, unbalanced
+            if elastic:
+                density = _stress(law, F, p, P)
+                if not np.isfinite(density):
+                    return np.inf, 0.0, np.inf
+                if mean:
+                    excess = _volume_slope(law, F, slope) - shared
+                    density -= 0.5 * kappa * excess * excess
+                    for i in range(3):
+                        for j in range(3):
+                            P[i, j] -= kappa * excess * slope[i, j]
+                total += w * density
+                add_point(w, P, Ge, f)
+            if damper:
+                strain_rate(F, rate, solid.before[e, q], solid.strain[e, q], A)
+                damped += 0.5 * w / rate * damper_stress(F, A, solid.viscosity, swelling, P)
+                add_point(w, P, Ge, h)
+        unbalanced += _condense_forces(e, f, h, solid, of, g, d)
+    return total, damped, unbalanced
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def add_point(w: float, P: Array, Ge: Array, f: Array) -> None:
+    """Add w P G of a point to `f`, shape (3, c)."""
+    for i in range(3):
+        p0, p1, p2 = w * P[i, 0], w * P[i, 1], w * P[i, 2]
+        for a in range(f.shape[1]):
+            f[i, a] += p0 * Ge[0, a] + p1 * Ge[1, a] + p2 * Ge[2, a]
+
+
+@njit(cache=True, error_model="numpy")
+def _mean_rate(e: int, xe: Array, solid: SolidArrays, F: Array) -> float:
+    """Return the mean of tr A, A the rate of strain, of one element; F is scratch."""
+    total = size = 0.0
+    for q in range(solid.G.shape[1]):
+        deformation(xe, solid.G[e, q], F)
+        total += solid.weight[e, q] * volume_rate(F, solid.rate[0], solid.before[e, q])
+        size += solid.weight[e, q]
+    return total / size
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -> int:
+def write_strains(x: Array, modes: Array, solid: SolidArrays) -> None:
+    """Write Green's strain at every point to `solid.strain`."""
+    elements, G = solid.elements, solid.G
+    xe, F, A = np.empty((3, G.shape[3])), np.empty((3, 3)), np.empty((3, 3))
+    for e in range(elements.shape[0]):
+        gather(e, x, modes, elements, xe)
+        for q in range(G.shape[1]):
+            deformation(xe, G[e, q], F)
+            strain_rate(F, 1.0, solid.before[e, q], solid.strain[e, q], A)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project: bool) -> int:
     """Write the condensed stiffness (m, 24, 24) [N/m], X (m, 3k, 24) and K_aa^-1 (m, 3k, 3k) of every element.
 
     Args:
+        x, modes, solid: See the module.
+        of: ELASTIC or BOTH.
         project: Lift the negative eigenvalues of the tangent of each point to (almost) zero.
 
     Returns:
@@ -140,7 +222,8 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -
     nodes, count = elements.shape[1], G.shape[3]
     xe, B, F, slope = np.empty((3, count)), np.empty((3, count)), np.empty((3, 3)), np.empty((3, 3))
     C, CB, K = np.empty((9, 9)), np.empty((3, 3, 3 * count)), np.empty((3, count, 3 * count))
-    shared, kappa = 0.0, p[KAPPA]
+    S, swell, damper = np.empty((3, 3)), np.empty((3, count)), of & DAMPER != 0
+    shared, kappa, swelling = 0.0, p[KAPPA], 0.0
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
@@ -148,6 +231,9 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -
         B[:] = 0.0
         if mean:
             shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
+        if mean and damper:
+            swell[:] = 0.0
+            swelling = solid.viscosity[2] * _mean_rate(e, xe, solid, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             deformation(xe, Ge, F)
@@ -161,6 +247,12 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -
                         )
             else:
                 _tangent(law, F, p, project, C)
+            if damper:
+                add_damper_tangent(
+                    F, solid.rate[0], solid.before[e, q], solid.viscosity, swelling, project, S, C
+                )
+                if mean:
+                    add_swelling(w, F, Ge, swell)
             for i in range(3):
                 for j in range(3):
                     for k in range(i + 1):
@@ -177,6 +269,8 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -
                         K[i, a, c] += g0 * CB[i, 0, c] + g1 * CB[i, 1, c] + g2 * CB[i, 2, c]
         if mean:
             _add_volume_stiffness(B, kappa / weight[e].sum(), K)
+            if damper:
+                _add_volume_stiffness(swell, solid.rate[0] * solid.viscosity[2] / weight[e].sum(), K)
         if not _condense(K, nodes, count, solid.X[e], solid.inverse[e], solid.matrices[e], coupling):
             return e
     return -1

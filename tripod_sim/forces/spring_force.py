@@ -1,4 +1,4 @@
-"""Springs as an elastic term of a system, and their dampers."""
+"""Springs with their dampers as an elastic term of a system."""
 
 import numpy as np
 from numba import njit
@@ -6,10 +6,11 @@ from numba import njit
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.solid_kernels import add_element_products
-from tripod_sim.forces.term import DamperTerm, StageTerm
 from tripod_sim.springs.spring_kernels import (
     Links,
+    add_damper_gradient,
     add_gradient,
+    add_rates,
     elastic_energy,
     lengths,
     links_of,
@@ -43,7 +44,14 @@ class SpringTangents:
 
 
 class SpringForce(SpringTangents, ElasticTerm):
-    """Strain energy E = sum of k (l - L)² / 2 over springs of length l (see `springs.body`).
+    """Strain energy E = sum of k (l - L)² / 2 over springs of length l, and their dampers (see `springs.body`).
+
+    What a scheme does to positions it does to lengths, dl/dt = (l - l_0) / s. So the dampers' force in an implicit
+    stage is the gradient of
+
+        D(x') = sum of c/(2 s) (l(x') - l_0)²,
+
+    and where slack springs go slack that of what `spring_kernels.stage_tension` has.
 
     Attributes:
         elements: The ends of each spring, shape (m, 2).
@@ -51,19 +59,22 @@ class SpringForce(SpringTangents, ElasticTerm):
     """
 
     def __init__(
-        self, ends: IndexArray, rest_length: FloatArray, stiffness: FloatArray, *, slack: bool, owner: str
-    ) -> None:
+        self, ends: IndexArray, rest_length: FloatArray, stiffness: FloatArray, damping: FloatArray, *, slack: bool,
+        owner: str,
+    ) -> None:  # fmt: skip
         """Join nodes.
 
         Args:
             ends: Node indices of each spring, shape (m, 2).
             rest_length: L [m], shape (m,).
             stiffness: k [N/m], shape (m,).
-            slack: Whether springs that are compressed carry no force.
+            damping: c [N s/m], shape (m,).
+            slack: Whether springs only pull.
             owner: Name of the body, for messages.
         """
-        super().__init__(links_of(ends, rest_length, stiffness, np.zeros(len(ends)), slack))
-        self._owner = owner
+        super().__init__(links_of(ends, rest_length, stiffness, damping, slack))
+        self._owner, self._reference, self._rate = owner, np.zeros(len(ends)), 0.0
+        self.remembers = len(ends) if damping.any() else 0
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3)."""
@@ -73,9 +84,39 @@ class SpringForce(SpringTangents, ElasticTerm):
         """Add dE/dx [N] to `g`, shape (n, 3), and return E [J]."""
         return float(add_gradient(x, self.links, 0.0, self._none, g))
 
-    def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
+    def add_gradients(
+        self, x: FloatArray, modes: FloatArray, g: FloatArray, d: FloatArray
+    ) -> tuple[float, float]:
+        """As `add_gradient`; add dD/dx to `d`, too, and return E and D [J]."""
+        return self.add_gradient(x, modes, g), self.add_damper_gradient(x, modes, d)
+
+    def add_damper_gradient(self, x: FloatArray, modes: FloatArray, d: FloatArray) -> float:
+        """Add dD/dx [N] to `d`, shape (n, 3), and return D [J]."""
+        return float(add_damper_gradient(x, self.links, self._rate, self._reference, d))
+
+    def remember(self, x: FloatArray, modes: FloatArray, out: FloatArray, *, known: bool) -> None:
+        """Write the lengths at positions `x` [m] to `out`, shape (m,)."""
+        lengths(x, self.links, out)
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Let the lengths before be `known` [m], shape (m,), in a stage of `s` [s]."""
+        self._rate, self._reference[:] = 1.0 / s, known
+
+    def add_rates(
+        self, x: FloatArray, modes: FloatArray, y: FloatArray, factor: float, out: FloatArray
+    ) -> None:
+        """Add `factor` C y to `out`, both of shape (n, 3), C the dampers' matrix at `x`."""
+        add_rates(x, self.links, factor, self._reference, y, out)
+
+    def add_damping_bound(self, x: FloatArray, modes: FloatArray, v: FloatArray, out: FloatArray) -> None:
+        """Add to `out` what dampers have that pull in all directions, c [I, -I; -I, I], shape (n, 3)."""
+        (i, j), c = self.elements.T, self.links.damping[:, None]
+        np.add.at(out, i, c * (v[i] - v[j]))
+        np.add.at(out, j, c * (v[j] - v[i]))
+
+    def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
         """Write `matrices`, with `project` positive semi-definite; return -1."""
-        self.write(x, 0.0, self._none, project=project)
+        self.write(x, self._rate if damper else 0.0, self._reference, project=project)
         return -1
 
     def arrays(self) -> Links:
@@ -89,63 +130,6 @@ class SpringForce(SpringTangents, ElasticTerm):
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
         """Return that the springs are to blame last of all: they carry any length."""
         return np.inf, f"springs of {self._owner} move too far"
-
-
-class Lengths(StageTerm):
-    """What dampers remember: the lengths that a stage takes their rates from, dl/dt = (l - l_0) / s.
-
-    Attributes:
-        reference: l_0 [m], shape (m,).
-        rate: 1 / s [1/s].
-    """
-
-    name = "springs"
-
-    def __init__(self, links: Links) -> None:
-        """`links`: the dampers, as kernels take them."""
-        self.links, self.rate = links, 0.0
-        self.reference, self.remembers = np.zeros(len(links.ends)), len(links.ends)
-
-    def remember(self, x: FloatArray, out: FloatArray) -> None:
-        """Write l of each at positions `x` [m], shape (n, 3), to `out`, shape (m,)."""
-        lengths(x, self.links, out)
-
-    def aim(self, s: float, known: FloatArray) -> None:
-        """Let the lengths before be `known` [m], shape (m,), in a stage of `s` [s]."""
-        self.rate, self.reference[:] = 1.0 / s, known
-
-
-class SpringDampers(SpringTangents, Lengths, DamperTerm):
-    """Dampers along springs, whose force c dl/dt an implicit stage takes from how the lengths change in it.
-
-    What a scheme does to positions it does to lengths: dl/dt = (l - l_0) / s. So the force is the gradient of
-
-        D(x') = sum of c/(2 s) (l(x') - l_0)².
-
-    Attributes:
-        elements: The ends of each damper, shape (m, 2).
-        links: The dampers as springs without stiffness.
-        matrices: Of the last `stiffness` [N/m], shape (m, 6, 6).
-    """
-
-    def __init__(self, ends: IndexArray, damping: FloatArray) -> None:
-        """`ends`: node indices, shape (m, 2); `damping`: c [N s/m], shape (m,)."""
-        rest, stiffness = np.zeros((2, len(ends)))
-        links = links_of(ends, rest, stiffness, damping, False)
-        SpringTangents.__init__(self, links)
-        Lengths.__init__(self, links)
-
-    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
-        """Add dD/dx [N] to `g`, shape (n, 3), and return D [J]."""
-        return float(add_gradient(x, self.links, self.rate, self.reference, g))
-
-    def stiffness(self, x: FloatArray, *, project: bool) -> None:
-        """Write `matrices`, with `project` positive semi-definite."""
-        self.write(x, self.rate, self.reference, project=project)
-
-    def limit(self) -> None:
-        """Write c times [I, -I; -I, I] to `matrices` [N s/m], which the force of no motion exceeds."""
-        write_networks(self.links.damping, self.matrices)
 
 
 def write_networks(weights: FloatArray, out: FloatArray) -> None:

@@ -28,9 +28,6 @@ STIFF = 1e2
 """K at first, over the heaviest mass and s² of the stage."""
 
 
-NOTHING = np.zeros(0)
-
-
 class StrainBound(SpringTangents, StageTerm):
     """The term B, its tensions and how well they are found.
 
@@ -61,8 +58,8 @@ class StrainBound(SpringTangents, StageTerm):
         super().__init__(links)
         self.pulled = False
 
-    def aim(self, s: float, known: FloatArray = NOTHING) -> None:
-        """Prepare a stage of `s` [s]; the tensions stay, and nothing is `known`."""
+    def aim(self, s: float) -> None:
+        """Prepare a stage of `s` [s]; the tensions stay."""
         if s != self._s:
             self._s = s
             self._stiffen()

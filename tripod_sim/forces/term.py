@@ -1,18 +1,13 @@
 """Terms of the potential of a step besides the strain energy (`elastic.ElasticTerm`): what a system asks of each.
 
 A system adds up whatever terms it is given and knows none by name. What a scheme cannot handle it refuses when it is
-built: explicit ones take forces that positions do not change, linear ones and dampers.
+built: explicit ones take forces that positions do not change and linear ones.
 """
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.term_kernels import add_couplings
-
-if TYPE_CHECKING:  # only with springs
-    from tripod_sim.springs.spring_kernels import Links
 
 
 class Term:
@@ -108,31 +103,8 @@ class ForceTerm(Term):
 
 
 class StageTerm(BlockTerm):
-    """A term that an implicit stage (`integrators.stage`) prepares.
+    """A term that an implicit stage (`integrators.stage`) prepares."""
 
-    Attributes:
-        remembers: How many numbers it keeps of a state, which schemes combine as they do positions.
-    """
-
-    remembers = 0
-
-    def remember(self, x: FloatArray, out: FloatArray) -> None:
-        """Write what it keeps of positions `x` [m], shape (n, 3), to `out`, shape (remembers,)."""
-
-    def aim(self, s: float, known: FloatArray) -> None:
-        """Prepare a stage of `s` [s]; `known`: what the scheme makes of the numbers kept, shape (remembers,)."""
-        raise NotImplementedError
-
-
-class DamperTerm(StageTerm):
-    """Dampers along springs, as compiled loops take them.
-
-    Attributes:
-        links: The dampers as springs without stiffness.
-    """
-
-    links: "Links"
-
-    def limit(self) -> None:
-        """Write matrices to `matrices` that the force of no motion exceeds [N s/m]."""
+    def aim(self, s: float) -> None:
+        """Prepare a stage of `s` [s]."""
         raise NotImplementedError

@@ -4,9 +4,8 @@
     semi-implicit Euler   v' = v + h a,   x' = x + h v'     first order, keeps the energy of long motions
     RK4                   the classical scheme, fourth order, for reference
 
-with a = M^-1 f(x, v), f = -dE/dx + weight - (a M + b K) v [HairerLubichWanner2006]; incompatible modes, which have no
-mass, follow the nodes in equilibrium. K is the tangent of the moment for RK4, else that of at most `RUN` parts before;
-of springs it is always that of the moment, projected.
+with a = M^-1 f(x, v), f = -dE/dx + weight - a M v and the force of dampers (see `damper_kernels`, `springs.body`)
+[HairerLubichWanner2006]; incompatible modes, which have no mass, follow the nodes in equilibrium with dE/dx.
 
 Constraints are exact, as for the implicit schemes:
 
@@ -29,7 +28,7 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
-from tripod_sim.forces.term import DamperTerm, ForceTerm, LinearTerm, Term
+from tripod_sim.forces.term import ForceTerm, LinearTerm, Term
 from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
@@ -59,9 +58,7 @@ class ExplicitSteps:
         finer: Times as many parts as are needed that a step is divided into.
     """
 
-    def __init__(
-        self, system: System, mass: FloatArray, scheme: str, *, drag: float, rayleigh: float, divide: bool
-    ) -> None:
+    def __init__(self, system: System, mass: FloatArray, scheme: str, *, drag: float, divide: bool) -> None:
         """Prepare.
 
         Args:
@@ -69,30 +66,26 @@ class ExplicitSteps:
             mass: Of nodes [kg], shape (n,); positive of free nodes.
             scheme: A name of `stability.SCHEMES`.
             drag: a of the force -a M v [1/s].
-            rayleigh: b of the force -b K v [s].
             divide: Whether a step is divided into stable parts; if not, instability shows.
 
         Raises:
             SceneError: the masses of a rigid body lie in a line, or there is a term that no explicit scheme can take.
         """
         self._system, self._scheme, self._divide, self._mass = system, scheme, divide, mass
-        self._drag, self._rayleigh = drag, rayleigh
+        self._drag = drag
         self._frequency = LargestFrequency(system, mass, self._add_stiffness)
         self._take(system.terms)
-        dampers = self._dampers
-        self._damping = LargestFrequency(system, mass, dampers.add_products) if dampers else None
+        damped = any(t.remembers for t in system.elastic.terms)
+        self._damping = LargestFrequency(system, mass, self._add_damping) if damped else None
         terms = [t.arrays() for t in system.elastic.terms]
         self._solids = [(k, arrays) for k, arrays in enumerate(terms) if isinstance(arrays, SolidArrays)]
-        self._nets = _nets([t for t in terms if isinstance(t, Links)], [dampers.links] if dampers else [])
-        self._rates = [
-            np.zeros_like(system.elastic.of(system.elastic.rest_modes(), k)) for k, _ in self._solids
-        ]
-        self._rate_y = [np.zeros_like(arrays.y) for _, arrays in self._solids]
+        self._nets = _nets([t for t in terms if isinstance(t, Links)])
+        self._at: State | None = None  # where `_add_damping` takes the matrix of dampers
         self._bodies, self._offset = _bodies(system, mass)
         self._frames = _frames(system)
         self._load = self._make_load()
         n, s, b = len(mass), len(system.groups.driven), len(system.groups.rigid)
-        self._scratch = ForceScratch._make([*np.zeros((6, n, 3)), np.zeros(1)])
+        self._scratch = ForceScratch._make([*np.zeros((5, n, 3)), np.zeros(1)])
         turns = [np.zeros((b, 3)), np.zeros((b, 3, 3)), *np.zeros((3, b, 3)), np.zeros((4, b, 3))]
         self._begin = kernels.Start._make([*np.zeros((4, n, 3)), *turns])
         self._jerked, self._reduced = np.zeros(s), np.zeros(system.unknowns)
@@ -112,20 +105,18 @@ class ExplicitSteps:
 
     def _take(self, terms: Sequence[Term]) -> None:
         """Sort the terms by what compiled loops do with them. Raises SceneError for one that they cannot take."""
-        self._forces, linear, dampers = list[ForceTerm](), list[LinearTerm](), list[DamperTerm]()
+        self._forces, linear = list[ForceTerm](), list[LinearTerm]()
         for term in terms:
             if isinstance(term, ForceTerm):
                 self._forces.append(term)
             elif isinstance(term, LinearTerm) and not linear:
                 linear.append(term)
-            elif isinstance(term, DamperTerm) and not dampers:
-                dampers.append(term)
             else:
                 raise SceneError(
                     f"inertia.scheme is {self._scheme!r}, whose compiled loops cannot take {term.name}; choose one of: "
                     "implicit_euler, bdf2, tr_bdf2"
                 )
-        self._bed, self._dampers = next(iter(linear), None), next(iter(dampers), None)
+        self._bed = next(iter(linear), None)
 
     def _make_load(self) -> Load:
         system, mass = self._system, self._mass
@@ -134,7 +125,7 @@ class ExplicitSteps:
         inverse = np.divide(1.0, mass, out=np.zeros(n), where=free & (mass > 0))
         none, indices = np.zeros((0, 1, 1)), np.zeros((0, 2), dtype=np.int64)
         return Load(
-            np.zeros((n, 3)), mass, inverse, self._drag, self._rayleigh, self._scheme != "rk4",
+            np.zeros((n, 3)), mass, inverse, self._drag,
             bed.couplings if bed else none, bed.elements if bed else indices, 0.0,
         )  # fmt: skip
 
@@ -189,9 +180,9 @@ class ExplicitSteps:
             system.assemble(state, project=True)
         system.elastic.limit()
         square = self._frequency.largest(state) * MARGIN**2
-        rate = self._drag + self._rayleigh * square
-        if self._damping and self._dampers:
-            self._dampers.limit()
+        rate = self._drag
+        if self._damping:
+            self._at = state
             rate += self._damping.largest(state) * MARGIN**2
         omega = math.sqrt(square)
         self._limit = min(self._limit, longest_step(self._scheme, omega, rate))
@@ -203,6 +194,11 @@ class ExplicitSteps:
         system.elastic.add_products(system.elastic.matrices, dx, 1.0, out)
         if self._bed:
             self._bed.add_products(dx, out)
+
+    def _add_damping(self, v: FloatArray, out: FloatArray) -> None:
+        """Add C v to `out` [N], C a bound of the matrix of all dampers."""
+        assert self._at
+        self._system.elastic.add_damping_bound(self._at.positions, self._at.modes, v, out)
 
     def _advance(self, state: State, joints: FloatArray, dt: float) -> tuple[int, float]:
         """Move `state`, write torques and work; return parts and strain energy [J], or raise FloatingPointError."""
@@ -238,12 +234,11 @@ class ExplicitSteps:
         """Return the solids with the modes of `state`, as many as a power of two from 2 on: few sizes are compiled."""
         of = self._system.elastic.of
         found = [
-            MovingSolid(arrays, of(state.modes, k), rates, rate_y)
-            for (k, arrays), rates, rate_y in zip(self._solids, self._rates, self._rate_y, strict=True)
+            MovingSolid(arrays, of(state.modes, k), bool(self._system.elastic.terms[k].remembers))
+            for k, arrays in self._solids
         ]
         count = 1 << max(1, (len(found) - 1).bit_length())
-        none = np.zeros((0, 0, 3))
-        return (*found, *[MovingSolid(no_solid(), none, none, np.zeros((0, 0)))] * (count - len(found)))
+        return (*found, *[MovingSolid(no_solid(), np.zeros((0, 0, 3)), False)] * (count - len(found)))
 
     def _prepare(self, state: State, joints: FloatArray, dt: float) -> Load:
         """Set bodies and frames for a step from `state`; return the load."""
@@ -313,11 +308,11 @@ class ExplicitSteps:
         return self._system.elastic.culprit(state.positions, state.modes)
 
 
-def _nets(springs: Sequence[Links], dampers: list[Links]) -> Nets:
-    """Return all springs that push and all that only pull; `dampers` are among the first."""
+def _nets(springs: Sequence[Links]) -> Nets:
+    """Return all springs that push and all that only pull."""
     nets = []
     for slack in (False, True):
-        own = [net for net in springs if bool(net.slack) == slack] + ([] if slack else dampers)
+        own = [net for net in springs if bool(net.slack) == slack]
         ends = np.concatenate([*(net.ends for net in own), np.zeros((0, 2), dtype=np.int64)])
         rest, stiffness, damping = (
             np.concatenate([*(net[k] for net in own), np.zeros(0)]) for k in (1, 2, 3)

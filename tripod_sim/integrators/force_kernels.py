@@ -9,7 +9,7 @@ from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
-from tripod_sim.forces.solid_kernels import add_element_products, solid_gradient, update_modes
+from tripod_sim.forces.solid_kernels import ELASTIC, solid_gradient, update_modes
 from tripod_sim.forces.term_kernels import add_couplings
 from tripod_sim.springs.spring_kernels import Links, add_forces
 
@@ -25,32 +25,25 @@ class Load(NamedTuple):
     """What acts on the nodes besides solids and springs.
 
     constant (n, 3): minus weight and dead loads [N]; mass (n,) [kg]; inverse (n,): 1 / m of free nodes, zero of others
-    [1/kg]; drag: a of -a M v [1/s]; rayleigh: b of -b K v [s]; lag: whether K is the last assembled, else that of the
-    moment; couplings, elements: of what ties nodes to others (`forces.term.LinearTerm`), empty without it; floor:
-    square of a force below which all is rounding [N²].
+    [1/kg]; drag: a of -a M v [1/s]; couplings, elements: of what ties nodes to others (`forces.term.LinearTerm`), empty
+    without it; floor: square of a force below which all is rounding [N²].
     """
 
     constant: Array
     mass: Array
     inverse: Array
     drag: float
-    rayleigh: float
-    lag: bool
     couplings: Array
     elements: Array
     floor: float
 
 
 class MovingSolid(NamedTuple):
-    """A solid with its modes (m, k, 3) [m], in place, and what evaluations keep of them.
-
-    rates (m, k, 3): of the modes [m/s]; rate_y (m, 3 k): K_aa^-1 times what their rates leave unbalanced.
-    """
+    """A solid with its modes (m, k, 3) [m], in place, and whether it has a damper."""
 
     arrays: SolidArrays
     modes: Array
-    rates: Array
-    rate_y: Array
+    damped: bool
 
 
 Solids = tuple[MovingSolid, ...]
@@ -61,17 +54,15 @@ Nets = tuple[Links, Links]
 class ForceScratch(NamedTuple):
     """Of n nodes.
 
-    gradient (n, 3): minus the forces of the last `evaluate` [N]; damping, still, move (n, 3): `still` stays zero;
-    last_x, last_v (n, 3): of the nodes at that evaluation; corrections (1,): most that an evaluation has taken since
-    `begin`.
+    gradient (n, 3): minus the forces of the last `evaluate` [N]; pull, still, move (n, 3): `still` stays zero; last_x
+    (n, 3): of the nodes at that evaluation; corrections (1,): most that an evaluation has taken since `begin`.
     """
 
     gradient: Array
-    damping: Array
+    pull: Array
     still: Array
     move: Array
     last_x: Array
-    last_v: Array
     corrections: Array
 
 
@@ -80,10 +71,7 @@ def begin(x: Array, solids: Solids, scratch: ForceScratch) -> None:
     """Prepare evaluations from nodes at `x` (n, 3), where the modes are in equilibrium and X and K_aa^-1 are exact."""
     for solid in solids:
         solid.arrays.y[:] = 0.0
-        solid.rates[:] = 0.0
-        solid.rate_y[:] = 0.0
     put(scratch.last_x, x)
-    scratch.last_v[:] = 0.0
     scratch.corrections[0] = 0.0
 
 
@@ -92,24 +80,20 @@ def evaluate(x: Array, v: Array, solids: Solids, nets: Nets, load: Load, scratch
     """Write minus the forces on the nodes [N] to `scratch.gradient` and return the strain energy [J].
 
     The modes follow the nodes from the evaluation before, to first order, and are then corrected until they are in
-    equilibrium; so are their rates, where the damping needs them. The energy is infinite where there is no force.
+    equilibrium. The energy is infinite where there is no force.
     """
-    g, move = scratch.gradient, scratch.move
+    g = scratch.gradient
     energy = _evaluate_solids(x, solids, load, scratch)
     if not np.isfinite(energy):
         return np.inf
     for net in nets:
         if net.ends.shape[0]:
-            energy += _add_springs(x, v, net, load.rayleigh, scratch.damping, g)
+            energy += _add_springs(x, v, net, scratch.pull, g)
     if load.elements.shape[0]:
         energy += add_couplings(load.couplings, load.elements, x, g)
-    if load.rayleigh > 0.0:
-        if load.lag:
-            for solid in solids:
-                s = solid.arrays
-                add_element_products(s.matrices, s.elements, s.every, v, load.rayleigh, g)
-        else:
-            _add_rates(x, v, solids, load, scratch, move)
+    for solid in solids:
+        if solid.damped:
+            add_solid_rates(x, v, solid.modes, solid.arrays, 1.0, g)
     if load.drag > 0.0:
         for n in range(x.shape[0]):
             for i in range(3):
@@ -118,10 +102,10 @@ def evaluate(x: Array, v: Array, solids: Solids, nets: Nets, load: Load, scratch
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_springs(x: Array, v: Array, net: Links, rayleigh: float, force: Array, g: Array) -> float:
+def _add_springs(x: Array, v: Array, net: Links, force: Array, g: Array) -> float:
     """Take the forces of springs and of their dampers from `g`; return their energy [J]. `force` is scratch."""
     force[:] = 0.0
-    energy = add_forces(x, v, net, rayleigh, force)
+    energy = add_forces(x, v, net, force)
     for n in range(x.shape[0]):
         for i in range(3):
             g[n, i] -= force[n, i]
@@ -152,7 +136,7 @@ def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch
         put(g, load.constant)
         energy = unbalanced = 0.0
         for solid in solids:
-            own, left = solid_gradient(x, solid.modes, solid.arrays, g)
+            own, _, left = solid_gradient(x, solid.modes, solid.arrays, ELASTIC, g, g)
             energy += own
             unbalanced += left
         if not has_modes or not np.isfinite(energy) or _balanced(unbalanced, g, load.floor):
@@ -167,40 +151,6 @@ def _follow_nodes(solids: Solids, move: Array) -> None:
     for solid in solids:
         s = solid.arrays
         update_modes(solid.modes, s.elements, s.X, s.y, move, 1.0, solid.modes)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScratch, move: Array) -> None:
-    """Add b times the rate of the solids' forces to `scratch.gradient`, the modes' rates in equilibrium."""
-    d, has_modes = scratch.damping, _has_modes(solids)
-    if has_modes:
-        for n in range(x.shape[0]):
-            for i in range(3):
-                move[n, i] = v[n, i] - scratch.last_v[n, i]
-        _follow_rates(solids, move)
-        put(scratch.last_v, v)
-    for correction in range(MOST_CORRECTIONS):
-        scratch.corrections[0] = max(scratch.corrections[0], correction)
-        d[:] = 0.0
-        unbalanced = 0.0
-        for solid in solids:
-            unbalanced += add_solid_rates(
-                x, v, solid.modes, solid.rates, solid.arrays, load.rayleigh, solid.rate_y, d
-            )
-        if not has_modes or _balanced(load.rayleigh**2 * unbalanced, scratch.gradient, load.floor):
-            break
-        _follow_rates(solids, scratch.still)
-    for n in range(x.shape[0]):
-        for i in range(3):
-            scratch.gradient[n, i] += d[n, i]
-
-
-@njit(cache=True, error_model="numpy")
-def _follow_rates(solids: Solids, move: Array) -> None:
-    """Change the modes' rates as a Newton step does in which those of the nodes change by `move` [m/s], (n, 3)."""
-    for solid in solids:
-        s = solid.arrays
-        update_modes(solid.rates, s.elements, s.X, solid.rate_y, move, 1.0, solid.rates)
 
 
 @njit(cache=True, error_model="numpy")

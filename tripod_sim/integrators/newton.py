@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # what is absent is not imported
     from tripod_sim.integrators.factor_store import FactorStore
 
 
-UNSOLVED, SWING = 0.01, 0.01
+UNSOLVED, SWING = 0.005, 0.01
 """By what part of the error that a step may add its end may miss the solution of its equations, where the step takes
 SWING [s] or longer. That is a velocity, too, of as much over h, which moves a body by 1 / w of its slowest mode times
 that (5 ms for the Tripod at work): shorter steps are solved as much better."""
@@ -128,7 +128,7 @@ class Newton:
         """Factor now as a solve from `state` would begin, of the time step `keep` [s] that the system is aimed at."""
         self._kept = None
         try:
-            self._renew(state, NewtonReport(), start=True)
+            self._renew(state, NewtonReport())
         except NewtonError:
             return  # the solve itself will say so
         self._ahead = keep
@@ -163,7 +163,9 @@ class Newton:
         ahead = not kept and keep is not None and keep == self._ahead and self.system.knows(state)
         self._kept = self._ahead = None
         at_hand = kept or ahead or factored
-        phi = self.system.evaluate(state) if at_hand else self._renew(state, report, start=True)
+        phi = self.system.evaluate(state) if at_hand else self._renew(state, report)
+        if not math.isfinite(phi):
+            raise NewtonError(f"{self._culprit(state)} at the start of the step")
         report.factorisations += ahead or factored
         self.indefinite &= not factored
         driven = not same(joints, state.joints)
@@ -263,7 +265,7 @@ class Newton:
         where = "" if rounding else f"; {self._culprit(trial)}"
         raise NewtonError(f"no descent from an unbalanced force of {before:.3g} N{where}", rounding)
 
-    def _renew(self, state: State, report: NewtonReport, *, start: bool = False) -> float:
+    def _renew(self, state: State, report: NewtonReport) -> float:
         """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""
         system = self.system
         phi = np.inf
@@ -271,7 +273,6 @@ class Newton:
         for project in (False, True):
             if system.assemble(state, project=project) >= 0:
                 continue
-            system.choose_damping(projected=project, start=start)
             phi = system.evaluate(state)
             if math.isfinite(phi) and system.factor():
                 self.indefinite = project

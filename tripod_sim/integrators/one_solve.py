@@ -66,10 +66,10 @@ class OneSolve(Newton):
         if length and not self.store:  # who keeps several lengths says for each how near
             self.near = self._asked * min(1.0, length / self.SWING)
 
-    def _renew(self, state: State, report: NewtonReport, *, start: bool = False) -> float:
+    def _renew(self, state: State, report: NewtonReport) -> float:
         self._left_over.drop()
         self._forecast = self._correction = None
-        return super()._renew(state, report, start=start)
+        return super()._renew(state, report)
 
     def _serves(self, report: NewtonReport) -> bool:
         if not self._steps:

@@ -1,11 +1,15 @@
 """One implicit stage, the building block of all implicit schemes.
 
 Every scheme here ends a stage with v' = (x' - z) / s and M (v' - u) / s = f(x', v'), with s, z and u from known values.
-With f = -dE/dx - a M v' - b dg/dt, g = dE/dx and dg/dt = (g' - q) / s, this is the minimum of
+With f = -dE/dx - a M v' - dD/dx this is the minimum of
 
-    E(x') + 1/(2 s²) |x' - z - s u|²_M + a/(2 s) |x' - z|²_M + b/s (E(x') - q . (x' - z)),
+    E(x') + D(x') + 1/(2 s²) |x' - z - s u|²_M + a/(2 s) |x' - z|²_M,
 
-so every stage can be made safe by going down [MartinEtAl2011]. A scheme makes z, u and q in the same way of x, v and g.
+    D(x') = b/(2 s) sum of V (e(x') - e_q) : C_0 : (e(x') - e_q),
+
+so every stage can be made safe by going down [MartinEtAl2011]. Here e is the measure of strain of solids (Green's, with
+the tangent C_0 of their law undeformed) and of springs (their length, with stiffness and dampers), which rigid motions
+leave as it is: so dampers take nothing from these. A scheme makes z, u and e_q in the same way of x, v and e.
 """
 
 import numpy as np
@@ -13,7 +17,6 @@ from numba import njit
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.forces.anchor import Anchor
-from tripod_sim.forces.term import StageTerm
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.state import State
 
@@ -22,30 +25,22 @@ class ImplicitStage:
     """Solves stages for one system.
 
     Attributes:
-        known: z [m], u [m/s], with stiffness damping q [N], and what terms remember (the lengths l_0 [m] of dampers),
-            each in as many rows as it takes, the rest zero: written before each `solve`, shape (rows, n, 3).
+        known: z [m], u [m/s], and e_q in as many rows as it takes, the rest zero: written before each `solve`, shape
+            (rows, n, 3).
     """
 
     def __init__(self, newton: Newton, inertia: Anchor, mass: FloatArray, mass_damping: float) -> None:
         """`mass`: of nodes [kg], shape (n,); `mass_damping`: a of the force -a M v [1/s]."""
         self.newton, self._inertia, self._mass = newton, inertia, mass
         self._mass_damping = mass_damping
-        system, n = newton.system, len(mass)
-        self._kept, row = list[tuple[StageTerm, slice]](), 3 if system.damping else 2
-        for term in system.terms:
-            if isinstance(term, StageTerm):
-                self._kept.append((term, slice(3 * n * row, 3 * n * row + term.remembers)))
-                row += -(-term.remembers // (3 * n))
-        self.known = np.zeros((row, n, 3))
+        n, remembers = len(mass), newton.system.remembers
+        self.known = np.zeros((2 - (-remembers // (3 * n)), n, 3))
+        self._strains = slice(6 * n, 6 * n + remembers)
 
     def read(self, state: State, out: FloatArray) -> None:
-        """Write x, v, with stiffness damping g, and what terms remember of `state` to `out`, as `known`."""
-        system = self.newton.system
+        """Write x, v and e of `state` to `out`, as `known`."""
         out[0], out[1] = state.positions, state.velocities
-        if system.damping:
-            out[2] = system.elastic_forces(state)
-        for term, part in self._kept:
-            term.remember(state.positions, out.reshape(-1)[part])
+        self.newton.system.remember(state, out.reshape(-1)[self._strains])
 
     def solve(self, state: State, joints: FloatArray, s: float) -> NewtonReport:
         """Move `state` to the end of the stage with what is `known`, in place, its driven frames at `joints`.
@@ -71,15 +66,10 @@ class ImplicitStage:
 
     def aim(self, s: float) -> None:
         """Make the system's potential that of a stage of `s` [s] with what is `known`."""
-        system, inertia, (z, u) = self.newton.system, self._inertia, self.known[:2]
-        damping = system.damping
+        inertia, (z, u) = self._inertia, self.known[:2]
         inertia.per_mass = 1 / s**2 + self._mass_damping / s
         aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
-        for term, part in self._kept:
-            term.aim(s, self.known.reshape(-1)[part])
-        if damping:
-            damping.factor = damping.coefficient / s
-            damping.start[:], damping.elastic[:] = z, self.known[2]
+        self.newton.system.aim(s, self.known.reshape(-1)[self._strains])
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,14 +5,13 @@ values. The exact motion fulfils both but for the defects tau of the scheme,
 
     X' = Z + s V' + tau_x,   V' = U + s M^-1 F(X', V') + tau_v,
 
-so that the error e, exact minus computed, of a body with stiffness K, damping a M + b K and a force r left over by the
-solver follows from one solve with the matrix A of the stage, w = M / s² + a M / s, c = b / s,
+so that the error e, exact minus computed, of a body with stiffness K, damping a M + C and a force r left over by the
+solver follows from one solve with the matrix A of the stage, w = M / s² + a M / s,
 
-    A e_x' = (w + c K) y + M (e_u + tau_v) / s - r,   A = w + (1 + c) K,   y = e_z + tau_x,   e_v' = (e_x' - y) / s;
-    dampers of the matrix C add C / s to A, and C y / s,
+    A e_x' = (w + C / s) y + M (e_u + tau_v) / s - r,   A = w + K + C / s,   y = e_z + tau_x,   e_v' = (e_x' - y) / s,
 
-e_z and e_u made of the errors as z and u are made of the values. With c K y = c / (1 + c) (A - w) y no product with K
-is left. The defects are those of the Taylor series, a = (v' - u) / s and backward differences of it for j and dj/dt,
+e_z and e_u made of the errors as z and u are made of the values. The defects are those of the Taylor series, a = (v' -
+u) / s and backward differences of it for j and dj/dt,
 
     implicit Euler   -h² / 2 (a, j)
     BDF2             -(1 + r) / (6 a_0 r) h³ (j, dj/dt),   r = h / h_before,  a_0 = (1 + 2 r) / (1 + r)
@@ -24,7 +23,6 @@ error.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -123,7 +121,7 @@ class Coordinates(Protocol):
 
     def stage(
         self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
-        s: float, share: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+        s: float, left: FloatArray, begun: FloatArray, out: FloatArray,
     ) -> None:  # fmt: skip
         """Write what a stage starts from and the errors at its end (see `time_error_kernels.load`, `finish`).
 
@@ -145,12 +143,9 @@ class Nodes:
 
     negligible, corrects = 0.0, True
 
-    def __init__(
-        self, system: Any, inertia: Anchor, mass: FloatArray,
-        rates: "Callable[[FloatArray, FloatArray], None] | None",
-    ) -> None:  # fmt: skip
+    def __init__(self, system: Any, inertia: Anchor, mass: FloatArray) -> None:
         """As for `ErrorTransport`."""
-        self._system, self._inertia, self._mass, self._rates = system, inertia, mass, rates
+        self._system, self._inertia, self._mass = system, inertia, mass
         self.shape = (len(mass), 3)
         self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
         self._heavy = [t for t in getattr(system, "terms", ()) if t.has_inertia]
@@ -164,15 +159,15 @@ class Nodes:
 
     def stage(
         self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
-        s: float, share: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+        s: float, left: FloatArray, begun: FloatArray, out: FloatArray,
     ) -> None:  # fmt: skip
         """As in `Coordinates`."""
         system, force, inertia = self._system, self._force, self._inertia
-        kernels.load(first, c1, second, c2, p, q, factor, self._mass, inertia.weight, s, share, begun, force)
+        kernels.load(first, c1, second, c2, p, q, factor, self._mass, inertia.weight, s, begun, force)
         for term in self._heavy:
-            term.add_inertia(begun[1] / s + (1 - share) * inertia.per_mass * begun[0], force)
-        if self._rates:
-            self._rates(begun[0], force)
+            term.add_inertia(begun[1] / s + inertia.per_mass * begun[0], force)
+        if system.damped:
+            system.add_rates(begun[0], force)
         system.reduction.gradient(force, self._reduced, self._torques)
         self._reduced -= left
         try:
@@ -180,13 +175,13 @@ class Nodes:
         except LinearError:
             solution = np.full_like(self._reduced, np.nan)
         system.reduction.moves(solution, system.lever, self._move)
-        kernels.finish(self._move, begun, share, s, out)
+        kernels.finish(self._move, begun, s, out)
 
     def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
         """As in `Coordinates`."""
         mass, zero = self._mass, out[0]
-        kernels.load(out, 1.0, out, 0.0, zero, zero, 0.0, mass, mass, 1.0, 0.0, begun, self._force)
-        kernels.finish(self._move, begun, 0.0, 1.0, out)
+        kernels.load(out, 1.0, out, 0.0, zero, zero, 0.0, mass, mass, 1.0, begun, self._force)
+        kernels.finish(self._move, begun, 1.0, out)
 
     def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
         """As in `Coordinates`."""
@@ -205,16 +200,15 @@ class ErrorTransport:
     """Carries the errors of one system along, stage by stage, with scratch of its own.
 
     Attributes:
-        system, inertia, rates: As given.
+        system, inertia: As given.
         local: Whether it measures `added`, too.
         carried: Whether it carries the errors along; else it measures `added` alone, and they stay zero.
         order: Of the last step in its length.
     """
 
     def __init__(
-        self, system: Any, inertia: Anchor, mass: FloatArray, *, local: bool, carried: bool = True,
-        rates: "Callable[[FloatArray, FloatArray], None] | None" = None,
-    ) -> None:  # fmt: skip
+        self, system: Any, inertia: Anchor, mass: FloatArray, *, local: bool, carried: bool = True
+    ) -> None:
         """Prepare.
 
         Args:
@@ -222,14 +216,13 @@ class ErrorTransport:
             inertia: The system's.
             mass: Of nodes [kg], shape (n,).
             local, carried: What is asked for.
-            rates: Adds C / s times the first to the second, both of shape (n, 3), C the matrix of dampers.
         """
-        self.system, self.inertia, self.rates = system, inertia, rates
+        self.system, self.inertia = system, inertia
         self.local, self.carried = local, carried
         self.order, self._s = 1, 1.0
         self._left = np.zeros((2, system.unknowns))
         self._none = np.zeros(system.unknowns)
-        self.carry_in(Nodes(system, inertia, mass, rates))
+        self.carry_in(Nodes(system, inertia, mass))
 
     def carry_in(self, coordinates: Coordinates) -> None:
         """Carry errors in other coordinates from the next `start` on."""
@@ -400,10 +393,8 @@ class ErrorTransport:
 
         Its defects are `factor` times the derivatives of the acceleration from number `derivative` on.
         """
-        damping = self.system.damping
-        share = damping.factor / (1 + damping.factor) if damping else 0.0
         p, q = self._differences[derivative], self._differences[derivative + 1]
-        self._coordinates.stage(first, c1, second, c2, p, q, factor, s, share, left, self._begun, out)
+        self._coordinates.stage(first, c1, second, c2, p, q, factor, s, left, self._begun, out)
 
     def _measure_rates(self, state: ErrorState, s: float) -> None:
         """Write the rates of the errors at the end of the last stage to `before`."""

@@ -58,7 +58,6 @@ def load(
     mass: Array,
     weight: Array,
     s: float,
-    share: float,
     begun: Array,
     force: Array,
 ) -> None:
@@ -71,11 +70,10 @@ def load(
         factor: See there.
         mass, weight: m [kg] and w [N/m], shape (n,).
         s: Of the stage [s].
-        share: c / (1 + c).
         begun, force: Output.
     """
     for n in range(force.shape[0]):
-        per_speed, per_move = mass[n] / s, (1 - share) * weight[n]
+        per_speed, per_move = mass[n] / s, weight[n]
         for i in range(force.shape[1]):
             x = c1 * first[0, n, i] + c2 * second[0, n, i] + factor * p[n, i]
             v = c1 * first[1, n, i] + c2 * second[1, n, i] + factor * q[n, i]
@@ -84,12 +82,11 @@ def load(
 
 
 @njit(cache=True, error_model="numpy")
-def finish(move: Array, begun: Array, share: float, s: float, out: Array) -> None:
-    """Write e_x' = share y + move and e_v' = (e_x' - y) / s to `out`."""
+def finish(move: Array, begun: Array, s: float, out: Array) -> None:
+    """Write e_x' = move and e_v' = (e_x' - y) / s to `out`."""
     for n in range(move.shape[0]):
         for i in range(move.shape[1]):
-            x = share * begun[0, n, i] + move[n, i]
-            out[0, n, i] = x
+            out[0, n, i] = x = move[n, i]
             out[1, n, i] = (x - begun[0, n, i]) / s
 
 

@@ -103,6 +103,12 @@ def tangent(law: Array, F: Array, p: Array, project: bool, C: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def tangent_of(law: Array, F: Array, p: Array, C: Array) -> None:
+    """As `tangent` without projection, called from Python."""
+    tangent(law, F, p, bool(0), C)
+
+
+@njit(cache=True, error_model="numpy")
 def tangent_at_mean(law: Array, F: Array, mean: float, p: Array, project: bool, C: Array) -> None:
     """Write d²psi_0/dF² + kappa (v* - c) d²v/dF² at v* = `mean`, shape (9, 9), index 3 i + J.
 

@@ -48,6 +48,39 @@ def squared(F: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def keep_positive(S: Array) -> None:
+    """Lift the negative eigenvalues of a symmetric matrix to zero, in place (Jacobi's rotations, to rounding)."""
+    V, size = np.empty((3, 3)), 0.0
+    for i in range(3):
+        for j in range(3):
+            V[i, j] = 1.0 if i == j else 0.0
+            size = max(size, abs(S[i, j]))
+    for _ in range(12):
+        largest = 0.0
+        for p in range(2):
+            for q in range(p + 1, 3):
+                c = S[p, q]
+                if abs(c) <= 1e-16 * size:
+                    continue
+                largest = max(largest, abs(c))
+                z = (S[q, q] - S[p, p]) / (2 * c)
+                t = (1.0 if z >= 0 else -1.0) / (abs(z) + np.sqrt(1 + z * z))
+                cs = 1 / np.sqrt(1 + t * t)
+                sn = cs * t
+                for i in range(3):
+                    S[i, p], S[i, q] = cs * S[i, p] - sn * S[i, q], sn * S[i, p] + cs * S[i, q]
+                for i in range(3):
+                    S[p, i], S[q, i] = cs * S[p, i] - sn * S[q, i], sn * S[p, i] + cs * S[q, i]
+                    V[i, p], V[i, q] = cs * V[i, p] - sn * V[i, q], sn * V[i, p] + cs * V[i, q]
+        if largest <= 1e-15 * size:
+            break
+    s0, s1, s2 = max(S[0, 0], 0.0), max(S[1, 1], 0.0), max(S[2, 2], 0.0)
+    for i in range(3):
+        for j in range(3):
+            S[i, j] = s0 * V[i, 0] * V[j, 0] + s1 * V[i, 1] * V[j, 1] + s2 * V[i, 2] * V[j, 2]
+
+
+@njit(cache=True, error_model="numpy")
 def svd3(F: Array, U: Array, s: Array, V: Array) -> None:
     """Write F = U diag(s) V^T with rotations U and V (both of determinant +1); s[2] carries the sign of det F.
 

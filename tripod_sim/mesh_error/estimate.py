@@ -145,22 +145,28 @@ class MeshError:
         from tripod_sim.integrators.time_error import ErrorTransport  # noqa: PLC0415 - an effect that is absent
         from tripod_sim.mesh_error.modal_steps import ModalSteps  # noqa: PLC0415
 
-        if not isinstance(errors, ErrorTransport) or not errors.carried or errors.rates:
+        if not isinstance(errors, ErrorTransport) or not errors.carried:
             return False
-        errors.carry_in(ModalSteps(swing.modes, errors.system, errors.inertia))
+        errors.carry_in(ModalSteps(swing.modes, errors.system, errors.inertia, swing.damping))
         return True
 
     def _swinging(self, scene: Scene, richer: Parts) -> Swing | None:
         """Return what lets the error swing; None where nothing moves, or what does is not the body alone."""
-        if not scene.inertia or contact_of(scene) or len(soft_bodies(scene)) > 1:
+        system = self._simulated.system
+        if (
+            not scene.inertia
+            or contact_of(scene)
+            or len(soft_bodies(scene)) > 1
+            or not isinstance(system, System)
+        ):
             return None
         (count, k), (own_plate, plate) = self._nodes.shape, self._outside.plates
         rows = np.append(np.repeat(np.arange(count), k), plate)
         weights = np.append(self._weights, np.ones(len(plate)))
         shape = (len(richer.mass), len(self._outside.system.rest))
         prolong = csr_matrix((weights, (rows, np.append(self._nodes, own_plate))), shape)
-        damping = (scene.damping.mass, scene.damping.stiffness) if scene.damping else (0.0, 0.0)
-        return Swing(self._outside, self._system, prolong, richer.mass, damping)
+        drag = scene.damping.mass if scene.damping else 0.0
+        return Swing(self._outside, self._system, prolong, richer.mass, drag, system.elastic)
 
     def follow(self, state: State, begin: float) -> MeshErrorReport:
         """Take notice of a step to `state` that began at `begin` of the thread's clock [s].

@@ -13,15 +13,15 @@ from tripod_sim.system import System
 class ModalSteps:
     """The errors in modes phi_i of the start, e = sum of phi_i z_i (see `integrators.time_error.Coordinates`).
 
-    There m is 1, and A of a stage is diagonal, w + (1 + c) w_i². The forces that the solver has left over are not
-    carried: a step makes good what the one before left.
+    There m is 1, and A of a stage is diagonal, w + w_i² + d_i / s, d_i the damping of each mode (see `swing`). The
+    forces that the solver has left over are not carried: a step makes good what the one before left.
     """
 
     corrects = False
 
-    def __init__(self, modes: Modes, system: System, inertia: Anchor) -> None:
-        """`system`, `inertia`: as for `ErrorTransport`, of the body alone."""
-        self._modes, self._inertia = modes, inertia
+    def __init__(self, modes: Modes, system: System, inertia: Anchor, damping: FloatArray) -> None:
+        """`system`, `inertia`: as for `ErrorTransport`, of the body alone; `damping`: d_i [1/s]."""
+        self._modes, self._inertia, self._damping = modes, inertia, damping
         self.shape, self.negligible = (len(modes.squares), 1), modes.negligible
         self._effector = modes.shapes[:, system.groups.rigid[0]].mean(axis=1).T
 
@@ -31,15 +31,18 @@ class ModalSteps:
 
     def stage(
         self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
-        s: float, share: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+        s: float, left: FloatArray, begun: FloatArray, out: FloatArray,
     ) -> None:  # fmt: skip
         """As in `Coordinates`."""
         weight = self._inertia.per_mass
-        solve(first, c1, second, c2, p, q, factor, self._modes.squares, weight, s, share, begun, out)
+        damped = self._damping / s
+        solve(first, c1, second, c2, p, q, factor, self._modes.squares, weight, s, damped, begun, out)
 
     def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
         """As in `Coordinates`."""
-        solve(out, 1.0, out, 0.0, out[0], out[0], 0.0, self._modes.squares, 1.0, 1.0, 0.0, begun, out)
+        solve(
+            out, 1.0, out, 0.0, out[0], out[0], 0.0, self._modes.squares, 1.0, 1.0, self._damping, begun, out
+        )
 
     def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
         """As in `Coordinates`."""
@@ -63,16 +66,16 @@ def solve(
     squares: Array,
     weight: float,
     s: float,
-    share: float,
+    damped: Array,
     begun: Array,
     out: Array,
 ) -> None:
     """Write what a stage starts from and the errors at its end (see `load` and `finish`), which may be `first`.
 
-    squares: w_i² [1/s²], shape (modes,); weight: w [1/s²].
+    squares: w_i² [1/s²], shape (modes,); weight: w [1/s²]; damped: d_i / s [1/s²].
     """
     count = squares.shape[0]
-    load(first, c1, second, c2, p, q, factor, np.ones(count), np.full(count, weight), s, share, begun, out[0])
+    load(first, c1, second, c2, p, q, factor, np.ones(count), np.full(count, weight), s, begun, out[0])
     for n in range(count):
-        out[0, n, 0] /= weight + squares[n] / (1 - share)
-    finish(out[0], begun, share, s, out)
+        out[0, n, 0] = (out[0, n, 0] + damped[n] * begun[0, n, 0]) / (weight + squares[n] + damped[n])
+    finish(out[0], begun, s, out)

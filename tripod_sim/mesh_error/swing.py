@@ -7,11 +7,12 @@ with phi_i . M phi_i = 1. Their inertia f_i = -phi_i . M v' makes a part of the 
 
 and while f changes, the error goes beyond that at rest by the sum of phi_i z_i:
 
-    z_i'' + (a + b w_i²) z_i' + w_i² z_i = -e_i''.
+    z_i'' + (a + d_i) z_i' + w_i² z_i = -e_i''.
 
-A+, M+ and P are as in `mesh_error`, a and b the body's damping. A mesh is too stiff, so it vibrates too fast and gets
-ahead from period to period; time steps make a body slower, and so the two errors may cancel. Of e itself what f has
-changed since the last estimate is added, too. Modes and E are those of the start.
+A+, M+ and P are as in `mesh_error`, a the damping by mass, d_i = phi_i . C phi_i with C the matrix of the body's
+dampers. A mesh is too stiff, so it vibrates too fast and gets ahead from period to period; time steps make a body
+slower, and so the two errors may cancel. Of e itself what f has changed since the last estimate is added, too. Modes
+and E are those of the start.
 """
 
 from contextlib import suppress
@@ -22,6 +23,7 @@ from scipy.sparse import csr_matrix
 
 from tripod_host.arrays import Array, FloatArray
 from tripod_sim.array_kernels import put
+from tripod_sim.forces.elastic import Elastic
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.mesh_error.modes import modes, none, project
 from tripod_sim.mesh_error.outside import Outside
@@ -31,10 +33,15 @@ from tripod_sim.system_kernels import same
 
 
 class Swing:
-    """Follows the error of the mesh in the lowest modes of a body that is alone in its scene."""
+    """Follows the error of the mesh in the lowest modes of a body that is alone in its scene.
+
+    Attributes:
+        modes: Those of the start.
+        damping: d_i [1/s], shape (modes,).
+    """
 
     def __init__(
-        self, outside: Outside, richer: System, prolong: csr_matrix, mass: FloatArray, damping: tuple[float, float]
+        self, outside: Outside, richer: System, prolong: csr_matrix, mass: FloatArray, drag: float, dampers: Elastic
     ) -> None:  # fmt: skip
         """Prepare.
 
@@ -43,11 +50,12 @@ class Swing:
             richer: The body on the richer mesh.
             prolong: P, shape (nodes of the richer mesh, nodes of the own one).
             mass: Of nodes of the richer mesh [kg], shape (nodes,).
-            damping: a [1/s] and b [s] of the force -(a M + b K) v.
+            drag: a of the force -a M v [1/s].
+            dampers: Have those of the body.
         """
         self._outside, self._richer, self._prolong, self._mass = outside, richer, prolong, mass
         self._inertia = prolong.T @ prolong.multiply(mass[:, None]).tocsr()
-        self._damping = damping
+        self._drag, self._dampers, self.damping = drag, dampers, np.zeros(0)
 
     def start(self, state: State, fine: State) -> None:
         """Begin anew at `state`, where the richer mesh rests as `fine` and is factored; nothing swings yet."""
@@ -71,7 +79,7 @@ class Swing:
         if self._still and same(state.velocities, self._velocities):
             return False
         if h != self._length:
-            self._length, self._propagator = h, propagator(self.modes.squares, self._damping, h)
+            self._length, self._propagator = h, propagator(self.modes.squares, self._drag + self.damping, h)
         self._still = carry(
             *self.modes.weighed, state.velocities, self._velocities, h, self._change, self._propagator, self._force,
             self._beyond, self._rate, self.modes.negligible,
@@ -100,12 +108,19 @@ class Swing:
                 found = several
         system.forget()  # what was assembled is not to count in the forces of later states
         self.modes, count = found, len(found.squares)
+        self.damping = np.array([self._damped(state, shape) for shape in found.shapes])
         finer = np.array([self._prolong @ shape for shape in found.shapes]).reshape(answers.shape)
         errors = answers - np.array([self._prolong @ move for move in found.yields]).reshape(answers.shape)
         weighed = (self._mass[:, None] * finer).reshape(count, richer.rest.size)
         self._change = weighed @ errors.reshape(count, richer.rest.size).T
         self._effector = found.shapes[:, system.groups.rigid[0]].mean(axis=1).T
         self._effector_change = errors[:, richer.groups.rigid[0]].mean(axis=1).T
+
+    def _damped(self, state: State, shape: FloatArray) -> float:
+        """Return shape . C shape at `state` [1/s], shape (nodes, 3) [kg^-1/2]."""
+        force = np.zeros_like(shape)
+        self._dampers.add_damping_bound(state.positions, state.modes, shape, force)
+        return float(np.vdot(shape, force))
 
     def _answer(self, force: FloatArray, own: State, fine: State) -> FloatArray:
         """Return the moves of the richer mesh [m] under a force on the own one [N], overwritten, shapes (nodes, 3)."""
@@ -118,15 +133,15 @@ class Swing:
         return found
 
 
-def propagator(squares: FloatArray, damping: tuple[float, float], h: float) -> FloatArray:
-    """Return what carries z and z' of z'' + (a + b w²) z' + w² z = 0 over a time, shape (2, 2, modes).
+def propagator(squares: FloatArray, damping: FloatArray, h: float) -> FloatArray:
+    """Return what carries z and z' of z'' + d z' + w² z = 0 over a time, shape (2, 2, modes).
 
     Args:
         squares: w² of each mode [1/s²], above 0, shape (modes,).
-        damping: a [1/s] and b [s].
+        damping: d of each [1/s], shape (modes,).
         h: The time [s].
     """
-    half = 0.5 * (damping[0] + damping[1] * squares)
+    half = 0.5 * damping
     root = np.sqrt((half**2 - squares).astype(complex))
     small = np.abs(root * h) < 1e-6
     odd = np.where(small, h, np.sinh(root * h) / np.where(small, 1.0, root)).real

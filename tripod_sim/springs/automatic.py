@@ -29,9 +29,7 @@ class AutomaticSprings:
         forces: Evaluations of the forces that a part took in the last call, in the mean.
     """
 
-    def __init__(
-        self, system: SpringSystem, tolerance: float, shortest: float, *, drag: float, rayleigh: float
-    ) -> None:
+    def __init__(self, system: SpringSystem, tolerance: float, shortest: float, *, drag: float) -> None:
         """Prepare.
 
         Args:
@@ -39,15 +37,13 @@ class AutomaticSprings:
             tolerance: Error that a part may add to the position of a node [m].
             shortest: Length of a part that is accepted whatever its error [s].
             drag: a of the force -a M v [1/s].
-            rayleigh: b of the force -b K v [s].
         """
-        body = system.body
         self._system, self._tolerance, self._shortest = system, tolerance, shortest
-        self._load, (omega, rate) = load_of(system, drag, rayleigh), fastest(body, drag, rayleigh)
+        self._load, (omega, rate) = load_of(system, drag), fastest(system, drag)
         self.forces = 0.0
         self._verlet = SHARE * longest_step("semi_implicit_euler", omega, 2.0 * rate)
         self._runge_kutta = longest_step("rk4", omega, rate)
-        self._scratch = np.zeros((9, *body.nodes.shape))
+        self._scratch = np.zeros((9, *system.rest.shape))
 
     def start(self, velocities: FloatArray) -> ErrorState:
         """Return what is remembered at the start: no errors, since none are carried along."""

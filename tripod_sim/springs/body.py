@@ -23,7 +23,7 @@ class SpringBody:
 
         T n,   T = k (l - L) + c dl/dt,
 
-    and j with the opposite. A slack spring has no k (l - L) while l < L: then only its damper works.
+    and j with the opposite. A slack spring only pulls: it has no force while l < L, and its damper never makes it push.
 
     Attributes:
         nodes: Undeformed positions [m], shape (n, 3).

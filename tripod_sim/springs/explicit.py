@@ -17,10 +17,10 @@ MOST_PARTS = 10_000_000
 """Of one step."""
 
 
-def load_of(system: SpringSystem, drag: float, rayleigh: float) -> kernels.Load:
-    """Return what acts on the nodes of a body; `drag`: a of -a M v [1/s]; `rayleigh`: b of -b K v [s]."""
+def load_of(system: SpringSystem, drag: float) -> kernels.Load:
+    """Return what acts on the nodes of a body; `drag`: a of -a M v [1/s]."""
     inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
-    return kernels.Load(system.force, inverse, system.mass, drag, rayleigh)
+    return kernels.Load(system.force, inverse, system.mass, drag)
 
 
 class ExplicitSprings:
@@ -37,23 +37,19 @@ class ExplicitSprings:
         finer: Times as many parts as are needed that a step is divided into.
     """
 
-    def __init__(
-        self, system: SpringSystem, scheme: str, *, drag: float, rayleigh: float, divide: bool
-    ) -> None:
+    def __init__(self, system: SpringSystem, scheme: str, *, drag: float, divide: bool) -> None:
         """Prepare.
 
         Args:
             system: The body.
             scheme: A name of `stability.SCHEMES`.
             drag: a of the force -a M v [1/s].
-            rayleigh: b of the force -b K v [s].
             divide: Whether a step is divided into stable parts; if not, instability shows.
         """
-        body = system.body
         self._system, self._scheme, self._divide = system, SCHEMES[scheme], divide
-        self._load, (omega, rate) = load_of(system, drag, rayleigh), fastest(body, drag, rayleigh)
+        self._load, (omega, rate) = load_of(system, drag), fastest(system, drag)
         self.limit, self._part = longest_step(scheme, omega, rate), longest_part(scheme, omega, rate)
-        self._scratch = np.zeros((8, *body.nodes.shape))
+        self._scratch = np.zeros((8, *system.rest.shape))
         self._watch = np.zeros(5)
         self._watching, self.finer = False, 1
         weights = (system.force**2).sum(axis=1)

@@ -8,7 +8,7 @@ from numba import njit
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
 from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
-from tripod_sim.springs.spring_kernels import Links, add_forces
+from tripod_sim.springs.spring_kernels import Links, add_forces, elastic_energy
 
 FINE, OVERFLOW = 0, 1
 
@@ -17,14 +17,13 @@ class Load(NamedTuple):
     """What acts on the nodes besides the springs.
 
     force: constant [N], (n, 3); inverse_mass: 1 / m [1/kg], zero of fixed nodes, (n,); drag: a of -a M v [1/s];
-    rayleigh: b of -b K v [s]; mass: [kg], zero of fixed nodes, (n,).
+    mass: [kg], zero of fixed nodes, (n,).
     """
 
     force: Array
     inverse_mass: Array
     mass: Array
     drag: float
-    rayleigh: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -33,7 +32,7 @@ def accelerations(x: Array, v: Array, links: Links, load: Load, a: Array) -> flo
     for n in range(x.shape[0]):
         for i in range(3):
             a[n, i] = load.force[n, i]
-    energy = add_forces(x, v, links, load.rayleigh, a)
+    energy = add_forces(x, v, links, a)
     for n in range(x.shape[0]):
         w = load.inverse_mass[n]
         if w > 0.0:
@@ -160,7 +159,7 @@ def explicit_steps(
                         new = old + h * a[n, i]
                         v[n, i] = new
                         x[n, i] += h * (new if scheme == SEMI_IMPLICIT_EULER else old)
-        springs = add_forces(x, v, links, 0.0, a)
+        springs = elastic_energy(x, links)
         kinetic, weight = mechanical(x, v, origin, load)
         if not np.isfinite(kinetic + springs + weight):
             put(x, x_keep)

@@ -13,6 +13,7 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.stability import largest_eigenvalue
 from tripod_sim.springs.body import SpringBody
+from tripod_sim.springs.spring_system import SpringSystem
 
 ITERATIONS = 2000
 
@@ -36,7 +37,7 @@ def network_bound(body: SpringBody, weights: FloatArray) -> float:
     return min(circles, 1.01 * largest_eigenvalue(lambda p: matrix @ p, start, ITERATIONS)[0])
 
 
-def fastest(body: SpringBody, drag: float, rayleigh: float) -> tuple[float, float]:
-    """Return bounds of the largest frequency [rad/s] and rate of damping [1/s], by the force -(a M + b K) v, too."""
-    square = network_bound(body, body.stiffness)
-    return math.sqrt(square), drag + rayleigh * square + network_bound(body, body.damping)
+def fastest(system: SpringSystem, drag: float) -> tuple[float, float]:
+    """Return bounds of the largest frequency [rad/s] and rate of damping [1/s], by the force -a M v, too."""
+    body, links = system.body, system.links
+    return math.sqrt(network_bound(body, links.stiffness)), drag + network_bound(body, links.damping)

@@ -30,11 +30,9 @@ WHY = {
 class SpringSolver:
     """Scratch and arguments of the implicit kernels for one body."""
 
-    def __init__(
-        self, system: SpringSystem, options: kernels.Options, *, drag: float, rayleigh: float, moving: bool
-    ) -> None:
+    def __init__(self, system: SpringSystem, options: kernels.Options, *, drag: float, moving: bool) -> None:
         self.system, self.options = system, options
-        self.problem = problem_of(system, drag=drag, rayleigh=rayleigh, moving=moving)
+        self.problem = problem_of(system, drag=drag, moving=moving)
         self.factor = _factor(system, direct=options.direct)
         self.work = work_of(system, iterates=not options.direct)
         self.counts = np.zeros(4)
@@ -63,14 +61,14 @@ class SpringSolver:
         return NewtonReport(int(solves), int(factorisations), residual, linear_iterations=int(iterations))
 
 
-def problem_of(system: SpringSystem, *, drag: float, rayleigh: float, moving: bool) -> kernels.Problem:
+def problem_of(system: SpringSystem, *, drag: float, moving: bool) -> kernels.Problem:
     """Return a body as the kernels take it; `moving`: whether its dampers count."""
     body = system.body
     size = float(np.abs(body.nodes).max())
     rounding = 1e-15 * float(body.stiffness.max(initial=0.0)) * size * np.sqrt(len(body.ends))
-    damped = moving and bool((body.damping > 0).any())
+    damped = moving and bool((system.links.damping > 0).any())
     return kernels.Problem(
-        system.links, system.mass, system.force, body.free, system.number, drag, rayleigh, rounding, damped
+        system.links, system.mass, system.force, body.free, system.number, drag, rounding, damped
     )
 
 
@@ -78,7 +76,7 @@ def work_of(system: SpringSystem, *, iterates: bool) -> kernels.Work:
     """Return scratch for a body; `iterates`: whether conjugate gradients solve."""
     body = system.body
     n, m = len(body.nodes), len(body.ends)
-    scratch: list[Any] = [*np.zeros((6, n, 3)), *np.zeros((2, m, 6)), np.zeros(n), np.zeros(1)]
+    scratch: list[Any] = [*np.zeros((6, n, 3)), np.zeros((m, 6)), np.zeros(n), np.zeros(1)]
     ends, count = (body.ends, len(body.free)) if iterates else (body.ends[:0], 0)
     stage = [*np.zeros((2, n, 3)), np.zeros(m)]
     return kernels.Work._make([*scratch, sweep(ends, system.number, count), *stage])
@@ -114,7 +112,7 @@ class StaticSprings:
 
     def __init__(self, system: SpringSystem, options: kernels.Options) -> None:
         options = options._replace(one_solve=False)
-        self.solver = SpringSolver(system, options, drag=0.0, rayleigh=0.0, moving=False)
+        self.solver = SpringSolver(system, options, drag=0.0, moving=False)
         body = system.body
         stiffest = float(body.stiffness.max(initial=0.0))
         heaviest = float(system.mass.max())

@@ -3,10 +3,10 @@
 A stage ends with x' = z + s v' and M (v' - u) / s = f(x', v') (see `integrators.stage`); its unknown here is v', so
 that small steps lose no digits. It is the minimum of
 
-    Phi(v') = E(x') + D(x') - F . x' + 1/2 |v' - u|²_M + a s / 2 |v'|²_M + b s / 2 (v')^T K_n v',
+    Phi(v') = E(x') + D(x') - F . x' + 1/2 |v' - u|²_M + a s / 2 |v'|²_M,
 
-K_n the springs' projected tangents at the start of the stage; D is the dampers' part, sum of c/(2 s) (l(x') - l_0)²:
-what the scheme does to positions it does to lengths, so that dl/dt = (l - l_0) / s has the scheme's order.
+D the dampers' part, sum of c/(2 s) (l(x') - l_0)²: what the scheme does to positions it does to lengths, so that
+dl/dt = (l - l_0) / s has the scheme's order, and a motion that changes no length is not damped.
 """
 
 from typing import NamedTuple
@@ -16,10 +16,10 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
-from tripod_sim.forces.term_kernels import add_pair
+from tripod_sim.springs import spring_kernels
 from tripod_sim.springs.cg_kernels import Sweep, conjugate_gradients, prepare
 from tripod_sim.springs.linear_kernels import Factor, assemble, factorise, solve_direct
-from tripod_sim.springs.spring_kernels import Links, add_gradient, add_products, direction, tangents
+from tripod_sim.springs.spring_kernels import Links, add_gradient, add_products, tangents
 
 SOLVED, UNSOLVED, NO_DESCENT, SINGULAR, BROKEN, UNITERATED = 0, 1, 2, 3, 4, 5
 """How a solve ended: as it should; too many iterations; no lower state along the step; matrix not definite although
@@ -37,8 +37,8 @@ MOST_REFINEMENTS, REFINED = 4, 0.02
 
 class Problem(NamedTuple):
     """A spring body and its load. mass: [kg], zero of fixed nodes; force: constant, [N], (n, 3); free: unknown nodes;
-    number: place of a node in `free` or -1; drag: a [1/s]; rayleigh: b [s]; rounding: [N], of the springs' forces;
-    damped: whether a spring has a damper."""
+    number: place of a node in `free` or -1; drag: a [1/s]; rounding: [N], of the springs' forces; damped: whether a
+    spring has a damper."""
 
     links: Links
     mass: Array
@@ -46,7 +46,6 @@ class Problem(NamedTuple):
     free: Array
     number: Array
     drag: float
-    rayleigh: float
     rounding: float
     damped: bool
 
@@ -64,7 +63,7 @@ class Options(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch: (n, 3) each, then blocks and lagged (m, 6), weight (n,), reference (m,).
+    """Scratch: (n, 3) each, then blocks (m, 6), weight (n,), reference (m,).
 
     z, u, reference: of the stage, see above; guess: v' as it is expected, u + s rate; rate: (v' - u) / s of the last
     stage that was solved; kept: the s that the factorisation at hand belongs to [s], zero for none, (1,); sweep: of the
@@ -78,7 +77,6 @@ class Work(NamedTuple):
     guess: Array
     rate: Array
     blocks: Array
-    lagged: Array
     weight: Array
     kept: Array
     sweep: Sweep
@@ -111,8 +109,6 @@ def evaluate(x: Array, w: Array, s: float, body: Problem, work: Work) -> tuple[f
             phi += m * (0.5 * difference * difference + 0.5 * body.drag * s * w[n, i] * w[n, i]) - f * x[n, i]
     rate = 1.0 / s if body.damped else 0.0
     phi += add_gradient(x, body.links, rate, work.reference, g)
-    if body.rayleigh > 0.0:
-        phi += s * add_products(body.links.ends, work.lagged, w, body.rayleigh, g)
     return phi, np.sqrt(_square(g, body))
 
 
@@ -121,11 +117,6 @@ def write_blocks(x: Array, s: float, project: bool, body: Problem, work: Work) -
     """Write the springs' part of the Hessian at `x` to `work.blocks`, that of the nodes to `work.weight`."""
     blocks = work.blocks
     tangents(x, body.links, 1.0 / s if body.damped else 0.0, work.reference, project, blocks)
-    if body.rayleigh > 0.0:
-        factor = body.rayleigh / s
-        for m in range(blocks.shape[0]):
-            for c in range(6):
-                blocks[m, c] += factor * work.lagged[m, c]
     for k in range(body.free.shape[0]):
         n = body.free[k]
         work.weight[n] = body.mass[n] * (1.0 / s + body.drag) / s
@@ -195,8 +186,6 @@ def solve_stage(
     predict: Whether a direct solver with a factorisation at hand begins where the guess leads; else where the body is.
     counts: linear solves, factorisations, conjugate gradients' iterations (each added to); residual [N] (written).
     """
-    if body.rayleigh > 0.0:
-        tangents(x, body.links, 0.0, work.reference, True, work.lagged)
     begin = predict and options.direct and work.kept[0] == s
     for k in range(body.free.shape[0]):
         n = body.free[k]
@@ -279,16 +268,8 @@ def solve_stage(
 
 @njit(cache=True, error_model="numpy")
 def add_rates(y: Array, s: float, body: Problem, work: Work, out: Array) -> None:
-    """Add C y / s to `out` [N], C = sum of c n n^T + b K_n at the end of the stage just solved; y, out: (n, 3)."""
-    links = body.links
-    for m in range(links.ends.shape[0]):
-        i, j = links.ends[m, 0], links.ends[m, 1]
-        _, n0, n1, n2 = direction(work.x, i, j)
-        along = n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2])
-        pull = links.damping[m] / s * along
-        add_pair(out, i, j, pull * n0, pull * n1, pull * n2)
-    if body.rayleigh > 0.0:
-        add_products(links.ends, work.lagged, y, body.rayleigh / s, out)
+    """Add C y / s to `out` [N], C the dampers' matrix at the end of the stage just solved; y, out: (n, 3)."""
+    spring_kernels.add_rates(work.x, body.links, 1.0 / s, work.reference, y, out)
 
 
 @njit(cache=True, error_model="numpy")

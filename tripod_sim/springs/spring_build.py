@@ -39,7 +39,8 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
     body = spring_body(scene, description)
     if contact := contact_of(scene):
         body = _placed(body, scene, contact)
-    system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
+    damping = scene.damping.stiffness if scene.damping else 0.0
+    system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None, damping)
     scene = solved_to(scene, [float(body.mass.sum())])
     skin, bound = None if len(body.triangles) else ChainSkin(body), None
     if scene.strain_limit:
@@ -64,10 +65,9 @@ def _touching(
     from tripod_sim.contact.spring_nodes import SpringNodes  # noqa: PLC0415
     from tripod_sim.contact.start import near_itself  # noqa: PLC0415
 
-    damping, part = scene.damping, surface_part(system.body, contact)
-    drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
+    drag, part = scene.damping.mass if scene.damping else 0.0, surface_part(system.body, contact)
     notes = near_itself(part, contact.contact_distance)
-    soft = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound), [part]
+    soft = SpringNodes(system, drag=drag, bound=bound), [part]
     mesh, skin, rigid, stepper = touching(scene, contact, soft, [("the soft body", part)], system.body, skin)
     return Parts(mesh, system.mass, system, stepper, skin=skin, rigid=rigid, notes=notes, solver=scene.solver)
 
@@ -120,7 +120,6 @@ def _stepper(
 ) -> "tuple[Stepper, ErrorTransport | AutomaticSprings | None]":
     """Return the time integrator or the static solver, and what carries the error of the time steps along."""
     drag = scene.damping.mass if scene.damping else 0.0
-    rayleigh = scene.damping.stiffness if scene.damping else 0.0
     if not scene.inertia:
         from tripod_sim.springs.implicit import StaticSprings  # noqa: PLC0415
 
@@ -129,25 +128,24 @@ def _stepper(
     if wanted and scheme == "auto" and wanted.steps == "auto":
         from tripod_sim.springs.automatic import AutomaticSprings  # noqa: PLC0415 - an effect that is absent
 
-        chosen = AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag, rayleigh=rayleigh)
+        chosen = AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag)
         return chosen, chosen
     if scheme in EXPLICIT:
         from tripod_sim.springs.explicit import ExplicitSprings  # noqa: PLC0415
 
         divide = scene.inertia.substeps == "auto"
-        return ExplicitSprings(system, scheme, drag=drag, rayleigh=rayleigh, divide=divide), None
+        return ExplicitSprings(system, scheme, drag=drag, divide=divide), None
     from tripod_sim.forces.anchor import Anchor  # noqa: PLC0415
     from tripod_sim.springs.implicit import SpringSolver  # noqa: PLC0415
     from tripod_sim.springs.stage import SpringNewton, SpringStage, StageEnd  # noqa: PLC0415
 
-    solver = SpringSolver(system, _options(scene, system), drag=drag, rayleigh=rayleigh, moving=True)
+    solver = SpringSolver(system, _options(scene, system), drag=drag, moving=True)
     auto = wanted is not None and wanted.steps == "auto"
     end = StageEnd(system, solver, keep=auto) if wanted else None
     inertia = Anchor(len(system.mass))
     newton = SpringNewton(system, solver, predict=auto, end=end)
     stage = SpringStage(newton, inertia, system.mass, drag)
-    rates = end.add_rates if end and (system.terms or rayleigh) else None
-    steps = implicit_steps(scene, stage, end, inertia, system.mass, rates)
+    steps = implicit_steps(scene, stage, end, inertia, system.mass)
     return steps, steps.errors
 
 

@@ -10,7 +10,7 @@ from tripod_sim.forces.term_kernels import add_pair
 
 
 class Links(NamedTuple):
-    """Springs as kernels take them; see `SpringBody`."""
+    """Springs as kernels take them; see `SpringBody`. damping: c, with what `[damping]` adds, [N s/m]."""
 
     ends: Array
     rest: Array
@@ -49,6 +49,26 @@ def tension_of(length: float, rest: float, k: float, slack: bool) -> tuple[float
     return stretch, k, k * stretch
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def stage_tension(
+    length: float, rest: float, k: float, c: float, before: float, slack: bool
+) -> tuple[float, float, float]:
+    """Return energy [J], stiffness [N/m] and tension [N] of a spring with its damper in an implicit stage.
+
+    The tension is k (l - L) + c (l - l_0), with c the damping over s and l_0 = `before`; its energy is that of both. A
+    slack spring only pulls: T = max(0, k (l - L) + c (l - l_0)), where l_0 is at least L, is a continuous force, and
+    the gradient of T² / 2 (k + c).
+    """
+    stretch, stiffness = length - rest, k + c
+    change = length - (max(before, rest) if slack else before)
+    tension = k * stretch + c * change
+    if not slack:
+        return 0.5 * (k * stretch * stretch + c * change * change), stiffness, tension
+    if not tension > 0.0:
+        return 0.0, 0.0, 0.0
+    return 0.5 * tension * tension / stiffness, stiffness, tension
+
+
 @njit(cache=True, error_model="numpy")
 def elastic_energy(x: Array, links: Links) -> float:
     """Return sum of k (l - L)² / 2 over the springs that pull or push [J]."""
@@ -62,33 +82,30 @@ def elastic_energy(x: Array, links: Links) -> float:
 
 @njit(cache=True, error_model="numpy")
 def lengths(x: Array, links: Links, out: Array) -> None:
-    """Write l of each spring [m]."""
+    """Write l of each spring [m]; of a slack one at least L, since below that it has no strain."""
     for m in range(links.ends.shape[0]):
-        out[m], _, _, _ = direction(x, links.ends[m, 0], links.ends[m, 1])
+        length, _, _, _ = direction(x, links.ends[m, 0], links.ends[m, 1])
+        out[m] = max(length, links.rest[m]) if links.slack else length
 
 
 @njit(cache=True, error_model="numpy")
-def add_forces(x: Array, v: Array, links: Links, rayleigh: float, f: Array) -> float:
-    """Add to `f` [N] the springs' forces T n and -b K v, K each spring's projected tangent; return the energy [J].
+def add_forces(x: Array, v: Array, links: Links, f: Array) -> float:
+    """Add the forces T n of springs and dampers to `f` [N], T = k (l - L) + c dl/dt; return the springs' energy [J].
 
-    K = k n n^T + max(0, k (1 - L / l)) (I - n n^T), zero for a slack spring that is compressed.
+    A slack spring has none while l < L, and only pulls: T is at least 0.
     """
     total = 0.0
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        stretch, k, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
+        stretch, _, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
         total += 0.5 * tension * stretch
-        f0, f1, f2 = tension * n0, tension * n1, tension * n2
-        if links.damping[m] > 0.0 or rayleigh > 0.0:
+        if links.damping[m] > 0.0 and not (links.slack and stretch < 0.0):
             w0, w1, w2 = v[j, 0] - v[i, 0], v[j, 1] - v[i, 1], v[j, 2] - v[i, 2]
-            along = n0 * w0 + n1 * w1 + n2 * w2
-            across = rayleigh * tension / length if stretch > 0.0 else 0.0
-            pull = (links.damping[m] + rayleigh * k - across) * along
-            f0 += pull * n0 + across * w0
-            f1 += pull * n1 + across * w1
-            f2 += pull * n2 + across * w2
-        add_pair(f, i, j, f0, f1, f2)
+            tension += links.damping[m] * (n0 * w0 + n1 * w1 + n2 * w2)
+            if links.slack:
+                tension = max(0.0, tension)
+        add_pair(f, i, j, tension * n0, tension * n1, tension * n2)
     return total
 
 
@@ -96,7 +113,7 @@ def add_forces(x: Array, v: Array, links: Links, rayleigh: float, f: Array) -> f
 def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array) -> float:
     """Add the gradient of sum of k (l - L)² / 2 + r c (l - l_0)² / 2 to `g` [N] and return that sum [J].
 
-    The second term is the damper of one implicit stage: dl/dt = r (l - l_0).
+    The second term is the damper of one implicit stage: dl/dt = r (l - l_0). Slack springs: see `stage_tension`.
 
     Args:
         x: Positions [m], shape (n, 3).
@@ -109,14 +126,43 @@ def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        stretch, _, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
-        total += 0.5 * tension * stretch
-        if rate > 0.0:
-            change, c = length - reference[m], rate * links.damping[m]
-            tension += c * change
-            total += 0.5 * c * change * change
+        energy, _, tension = stage_tension(
+            length, links.rest[m], links.stiffness[m], rate * links.damping[m], reference[m], links.slack
+        )
+        total += energy
         add_pair(g, j, i, tension * n0, tension * n1, tension * n2)
     return total
+
+
+@njit(cache=True, error_model="numpy")
+def add_damper_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array) -> float:
+    """Add to `g` [N] what `add_gradient` adds with dampers beyond that without; return the same of the sum [J]."""
+    total = 0.0
+    for m in range(links.ends.shape[0]):
+        i, j = links.ends[m, 0], links.ends[m, 1]
+        length, n0, n1, n2 = direction(x, i, j)
+        rest, k, c = links.rest[m], links.stiffness[m], rate * links.damping[m]
+        energy, _, tension = stage_tension(length, rest, k, c, reference[m], links.slack)
+        stretch, _, elastic = tension_of(length, rest, k, links.slack)
+        total += energy - 0.5 * elastic * stretch
+        tension -= elastic
+        add_pair(g, j, i, tension * n0, tension * n1, tension * n2)
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def add_rates(x: Array, links: Links, rate: float, reference: Array, y: Array, out: Array) -> None:
+    """Add r C y to `out` [N], C the sum of c n n^T over the springs that `add_gradient` finds taut; y, out: (n, 3)."""
+    for m in range(links.ends.shape[0]):
+        i, j = links.ends[m, 0], links.ends[m, 1]
+        length, n0, n1, n2 = direction(x, i, j)
+        c = rate * links.damping[m]
+        _, stiffness, _ = stage_tension(
+            length, links.rest[m], links.stiffness[m], c, reference[m], links.slack
+        )
+        if stiffness > 0.0:
+            pull = c * (n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2]))
+            add_pair(out, i, j, pull * n0, pull * n1, pull * n2)
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,11 +174,9 @@ def tangents(x: Array, links: Links, rate: float, reference: Array, project: boo
     """
     for m in range(links.ends.shape[0]):
         length, n0, n1, n2 = direction(x, links.ends[m, 0], links.ends[m, 1])
-        _, k, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
-        if rate > 0.0:
-            c = rate * links.damping[m]
-            tension += c * (length - reference[m])
-            k += c
+        _, k, tension = stage_tension(
+            length, links.rest[m], links.stiffness[m], rate * links.damping[m], reference[m], links.slack
+        )
         across = tension / length
         if length < SHORTEST:
             across = k if links.rest[m] == 0.0 else 0.0

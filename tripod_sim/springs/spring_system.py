@@ -7,12 +7,8 @@ from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
-from tripod_sim.forces.spring_force import Lengths
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_kernels import (
-    elastic_energy,
-    links_of,
-)
+from tripod_sim.springs.spring_kernels import elastic_energy, lengths, links_of
 from tripod_sim.state import State
 
 
@@ -24,7 +20,7 @@ class SpringSystem:
 
     Attributes:
         body: Nodes, springs, masses.
-        links: The springs as kernels take them.
+        links: The springs as kernels take them, damped by what the body says and by b times their stiffness.
         force: F, constant force on each node [N], shape (n, 3).
         mass: Of nodes [kg], zero of fixed ones, shape (n,).
         number: Place of a node in `body.free`, -1 if fixed, shape (n,).
@@ -32,16 +28,17 @@ class SpringSystem:
         groups: The fixed nodes as node groups.
         torques: Of servos: there are none, shape (0,).
         rest: As `body.nodes`.
-        terms: What a stage has to remember of dampers; none where no spring has one.
+        remembers: How many numbers a stage remembers of dampers; 0 where no spring has one.
+        terms: None, as of a `System`.
     """
 
-    damping = None
-
-    def __init__(self, body: SpringBody, acceleration: tuple[float, float, float] | None) -> None:
-        """`acceleration`: of gravity [m/s²]; None for none."""
-        self.body = body
-        self.links = links_of(body.ends, body.rest_length, body.stiffness, body.damping, body.slack)
-        self.terms = [Lengths(self.links)] if body.damping.any() else []
+    def __init__(
+        self, body: SpringBody, acceleration: tuple[float, float, float] | None, damping: float = 0.0
+    ) -> None:
+        """`acceleration`: of gravity [m/s²], None for none; `damping`: b of stiffness damping [s]."""
+        self.body, dampers = body, body.damping + damping * body.stiffness
+        self.links = links_of(body.ends, body.rest_length, body.stiffness, dampers, body.slack)
+        self.remembers, self.terms = len(dampers) if dampers.any() else 0, ()
         self.rest, self.force = body.nodes, np.zeros_like(body.nodes)
         if acceleration is not None:
             self.force += body.mass[:, None] * np.array(acceleration)
@@ -61,6 +58,14 @@ class SpringSystem:
         """Return the energy of the springs and the potential of the weight [J]."""
         weight = -float(np.vdot(self.force, state.positions - self.body.nodes))
         return float(elastic_energy(state.positions, self.links)), weight
+
+    def remember(self, state: State, out: FloatArray) -> None:
+        """Write the lengths of dampers at `state` [m] to `out`, shape (remembers,)."""
+        if self.remembers:
+            lengths(state.positions, self.links, out)
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Nothing is to be prepared: kernels take what is `known` themselves."""
 
     def pattern(self, pairs: IndexArray | None = None) -> tuple[Any, IndexArray, IndexArray]:
         """Return where the Hessian of free nodes has entries: the upper triangle, CSC, and places in its data.

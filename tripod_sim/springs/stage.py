@@ -19,13 +19,15 @@ class StageEnd:
     """What the estimate of the error of time steps asks of a system, of springs alone at the end of a stage.
 
     Attributes:
-        groups, unknowns, torques, reduction, lever: As of a `System`.
+        groups, unknowns, torques, reduction, lever, terms: As of a `System`.
+        damped: Whether springs have dampers.
     """
 
-    damping = None
+    terms = ()
 
     def __init__(self, system: SpringSystem, solver: SpringSolver, *, keep: bool) -> None:
         """`keep`: whether a factorisation made for the estimate may serve the next stage."""
+        self.damped = system.remembers > 0
         n = len(system.body.nodes)
         self.groups, self.unknowns, self.torques = system.groups, system.unknowns, system.torques
         self.reduction = Reduction([np.arange(n)[:, None]], system.groups)
@@ -59,7 +61,7 @@ class StageEnd:
         return out
 
     def add_rates(self, y: FloatArray, out: FloatArray) -> None:
-        """Add to `out` [N] the damping matrix over s times `y` [m], both of shape (n, 3)."""
+        """As `System.add_rates`."""
         kernels.add_rates(y, self._s, self._solver.problem, self._solver.work, out)
 
 
