@@ -96,7 +96,7 @@ def test_the_summary_is_json_with_every_number_finite(recorded) -> None:
     assert summary["energies"]["strain"] > 1e-3
     assert summary["newton_iterations"] >= summary["parts"] >= 60
     assert summary["halvings"] == 0
-    assert 0 < summary["residual"] < 1e-4
+    assert 0 < summary["residual"] < 1e-3 * 0.032 * 9.81  # small against the weight
     assert 0 < summary["step_ms"]["median"] <= summary["step_ms"]["p99"]
 
 
