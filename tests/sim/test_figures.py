@@ -123,7 +123,13 @@ def test_rounding_of_what_rests_without_any_energy_is_no_growth() -> None:
 
 
 def test_what_servos_that_jump_put_in_is_no_growth_but_what_comes_from_nothing_is() -> None:
-    jerk = ["motion=off", "ball=off", "damping=off", "inertia.scheme=tr_bdf2", "servos.angles=[-1.2, -1.2, -1.2]"]
+    jerk = [
+        "motion=off",
+        "ball=off",
+        "damping=off",
+        "inertia.scheme=tr_bdf2",
+        "servos.angles=[-1.2, -1.2, -1.2]",
+    ]
     s = Simulation(load_scene("tripod_ball", jerk))
     books = EnergyBooks(s.energies(), s.state.joints, s.torques)
     for k in range(8):

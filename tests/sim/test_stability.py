@@ -257,18 +257,17 @@ SAMPLE = [
 ]
 """The cells of the matrix that `make test` runs; the others take four minutes."""
 
+MAY_FAIL = {(COROTATIONAL, "t4", "bdf2"), (COROTATIONAL, "h20", "implicit_euler")}
+"""Cells that may end with an error in the first step: at kinks of the corotational energy no step leads down."""
+
 CELLS = itertools.product(stability.CASES, stability.ELEMENTS, stability.SCHEMES)
-
-
-STUCK = {(COROTATIONAL, "t4", "bdf2"), (COROTATIONAL, "h20", "implicit_euler")}
-"""Cells whose first step ends with an error: the damper holds crumpled elements at kinks of the corotational energy."""
 
 
 @pytest.mark.parametrize(("name", "element", "scheme"), sampled(CELLS, *SAMPLE))
 def test_cell_of_the_stability_matrix(name: str, element: str, scheme: str) -> None:
     found = stability.run(name, element, scheme)
-    if (name, element, scheme) in STUCK:
-        assert_names(found.failure, "step 1", "cannot be saved")
+    if found.failure and (name, element, scheme) in MAY_FAIL:
+        assert_names(found.failure, "step 1", "turned inside out", "material.law", "stable_neo_hooke")
         return
     assert not found.failure
     if "noise" in name:

@@ -17,6 +17,10 @@ CRUSHED, BLOWN_UP = 0.3, 3.0
 """Volume ratios beyond which an element is named as what a solve may have failed by."""
 
 
+SAFE = "stable_neo_hooke"
+"""The law that brings elements back from inside out in every cell of `benchmarks/stability.py`."""
+
+
 class Solid(ElasticTerm):
     """Strain energy E = sum over elements and points of weight psi(F), its gradient and its condensed stiffness.
 
@@ -50,7 +54,8 @@ class Solid(ElasticTerm):
             owner: Name of the body, for messages.
             damping: b, the viscosity over the stiffness undeformed [s].
         """
-        self.elements, self._owner, functions = elements, owner, addresses(law_named(law))
+        self.elements, self._owner, self._law = elements, owner, law
+        functions = addresses(law_named(law))
         gradients, weight = reference_gradients(kind, nodes[elements])
         G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         count, dofs = len(elements), 3 * elements.shape[1]
@@ -167,4 +172,5 @@ class Solid(ElasticTerm):
             what = "blown up" if ratio > BLOWN_UP else "crushed"
         else:
             what = "whole, as all are; it is compressed most"
-        return ratio, f"{name} is {what} (volume ratio {ratio:.3g})"
+        advice = "" if ratio > 0 or self._law == SAFE else f'; material.law = "{SAFE}" rights such elements'
+        return ratio, f"{name} is {what} (volume ratio {ratio:.3g}){advice}"
