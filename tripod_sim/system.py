@@ -309,6 +309,7 @@ class System:
         if self.remembers:
             for kept, now in zip(self._assembled, (state.positions, state.modes), strict=True):
                 kept[:] = now
+            self._aimed = False  # an element that is found inside out has no damper any more
         for term in self._blocks:
             term.stiffness(state.positions, project=project)
         return self.elastic.stiffness(state.positions, state.modes, project=project)

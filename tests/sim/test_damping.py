@@ -107,6 +107,37 @@ def assembled(term: ElasticTerm, nodes: np.ndarray) -> np.ndarray:
     return K
 
 
+@pytest.mark.parametrize("element", ["t4", "h8", "h8_mean", "h8_modes", "h20"])
+def test_an_element_that_is_inside_out_has_no_damper_in_the_stage(element: str) -> None:
+    """Once its stiffness is written: gradient and potential fit each other, and the next stage has it again."""
+    nodes, solid = solid_of(element, "stable_neo_hooke")
+    x, modes, before = nodes.copy(), solid.rest_modes(), np.zeros(solid.remembers)
+    corner = solid.elements[0, 0]
+    x[corner] += 2.5 * (nodes[solid.elements[0]].mean(axis=0) - nodes[corner])
+    turned = solid.worst_element(x, modes)
+    assert turned[1] < 0
+    solid.remember(nodes, modes, before, known=False)
+
+    def both(at: np.ndarray) -> tuple[float, np.ndarray]:
+        d = np.zeros_like(at)
+        return solid.add_damper_gradient(at, modes, d), d
+
+    solid.aim(1e-3, before)
+    solid.forget()
+    whole, forces = both(x)
+    own = np.setdiff1d(solid.elements[turned[0]], np.delete(solid.elements, turned[0], axis=0))
+    assert np.abs(forces[own]).max() > 0
+    solid.stiffness(x, modes, damper=True, project=True)
+    solid.forget()
+    less, forces = both(x)
+    assert 0 <= less < whole
+    assert not forces[own].any()
+    if forces.any():  # of the elements that are not inside out
+        assert_gradient(lambda at: both(at)[0], forces, x, np.random.default_rng(2), h=1e-8, rel=1e-5)
+    solid.aim(1e-3, before)
+    assert both(x)[0] == whole
+
+
 @pytest.mark.parametrize("law", sorted(NAMES))
 def test_modes_are_condensed_where_energy_and_damper_are_least_together(law: str) -> None:
     """The condensed gradient is that of the minimum over the modes, and the condensed matrix its derivative."""

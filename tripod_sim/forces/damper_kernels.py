@@ -10,6 +10,9 @@ zero. In an implicit stage A = (E - E_q) / s, E_q made of earlier E as the schem
 ones, and P is the gradient of s/2 A : S. Its tangent has a part F C_0 F, and one of S alone, which is not positive
 where S is not.
 
+An element that is inside out at a point has no damper in the stage: E is that of its mirror image, too, so that a
+damper would hold it there. It is noticed where the stiffness is written, and D, which is never negative, falls by it.
+
 Strains are stored as xx, yy, zz, xy, yz, zx.
 """
 
@@ -18,6 +21,18 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.materials.spectral import keep_positive
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def switch_off(before: Array) -> None:
+    """Let an element have no damper until its next stage; before: its E_q, shape (q, 6)."""
+    before[0, 0] = np.nan
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def damps(before: Array) -> bool:
+    """Return whether an element has a damper in this stage."""
+    return not np.isnan(before[0, 0])
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")

@@ -11,7 +11,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
-from tripod_sim.forces.damper_kernels import add_damper_tangent, damper_stress, strain_rate
+from tripod_sim.forces.damper_kernels import add_damper_tangent, damper_stress, damps, strain_rate
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import DAMPER, constants, invert
 from tripod_sim.materials import calls
@@ -38,7 +38,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, of: int, tolerance:
     nodes, count, points = elements.shape[1], modes.shape[1], G.shape[1]
     base, force, ahead = np.empty((points, 3, 3)), np.empty((count, 3)), np.empty((count, 3))
     trial, step, C = np.empty((count, 3)), np.empty((count, 3)), np.empty((9, 9))
-    rate, viscosity = solid.rate[0] if of & DAMPER else 0.0, solid.viscosity
+    viscosity = solid.viscosity
     enough, total = tolerance / elements.shape[0], 0.0
     for e in range(elements.shape[0]):
         for q in range(points):
@@ -49,6 +49,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, of: int, tolerance:
                         entry += x[elements[e, a], i] * G[e, q, j, a]
                     base[q, i, j] = entry
         at, Ge, we, before = modes[e], G[e, :, :, nodes:], weight[e], solid.before[e]
+        rate = solid.rate[0] if of & DAMPER and damps(before) else 0.0
         energy, left = _force(at, base, Ge, we, law, p, rate, viscosity, before, force)
         if not np.isfinite(energy):
             return np.inf

@@ -25,7 +25,9 @@ from tripod_sim.forces.damper_kernels import (
     add_damper_tangent,
     add_swelling,
     damper_stress,
+    damps,
     strain_rate,
+    switch_off,
     volume_rate,
 )
 from tripod_sim.forces.solid_arrays import SolidArrays
@@ -149,7 +151,8 @@ def solid_gradient(
         h[:] = 0.0
         if mean and elastic:
             shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
-        if mean and damper:
+        acts = damper and damps(solid.before[e])
+        if mean and acts:
             swelling = solid.viscosity[2] * _mean_rate(e, xe, solid, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
@@ -168,6 +171,7 @@ def solid_gradient(
                 add_point(w, P, Ge, f)
             if damper:
                 strain_rate(F, rate, solid.before[e, q], solid.strain[e, q], A)
+            if acts:
                 damped += 0.5 * w / rate * damper_stress(F, A, solid.viscosity, swelling, P)
                 add_point(w, P, Ge, h)
         unbalanced += _condense_forces(e, f, h, solid, of, g, d)
@@ -192,6 +196,16 @@ def _mean_rate(e: int, xe: Array, solid: SolidArrays, F: Array) -> float:
         total += solid.weight[e, q] * volume_rate(F, solid.rate[0], solid.before[e, q])
         size += solid.weight[e, q]
     return total / size
+
+
+@njit(cache=True, error_model="numpy")
+def _still_damps(e: int, xe: Array, solid: SolidArrays, F: Array) -> bool:
+    """Return whether an element has a damper; switch it off where it is inside out. F is scratch."""
+    for q in range(solid.G.shape[1]):
+        deformation(xe, solid.G[e, q], F)
+        if not determinant(F) > 0.0:
+            switch_off(solid.before[e])
+    return damps(solid.before[e])
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
@@ -222,7 +236,7 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project
     nodes, count = elements.shape[1], G.shape[3]
     xe, B, F, slope = np.empty((3, count)), np.empty((3, count)), np.empty((3, 3)), np.empty((3, 3))
     C, CB, K = np.empty((9, 9)), np.empty((3, 3, 3 * count)), np.empty((3, count, 3 * count))
-    S, swell, damper = np.empty((3, 3)), np.empty((3, count)), of & DAMPER != 0
+    S, swell = np.empty((3, 3)), np.empty((3, count))
     shared, kappa, swelling = 0.0, p[KAPPA], 0.0
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
@@ -231,7 +245,8 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project
         B[:] = 0.0
         if mean:
             shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
-        if mean and damper:
+        acts = of & DAMPER != 0 and _still_damps(e, xe, solid, F)
+        if mean and acts:
             swell[:] = 0.0
             swelling = solid.viscosity[2] * _mean_rate(e, xe, solid, F)
         for q in range(G.shape[1]):
@@ -247,7 +262,7 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project
                         )
             else:
                 _tangent(law, F, p, project, C)
-            if damper:
+            if acts:
                 add_damper_tangent(
                     F, solid.rate[0], solid.before[e, q], solid.viscosity, swelling, project, S, C
                 )
@@ -269,7 +284,7 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project
                         K[i, a, c] += g0 * CB[i, 0, c] + g1 * CB[i, 1, c] + g2 * CB[i, 2, c]
         if mean:
             _add_volume_stiffness(B, kappa / weight[e].sum(), K)
-            if damper:
+            if acts:
                 _add_volume_stiffness(swell, solid.rate[0] * solid.viscosity[2] / weight[e].sum(), K)
         if not _condense(K, nodes, count, solid.X[e], solid.inverse[e], solid.matrices[e], coupling):
             return e
