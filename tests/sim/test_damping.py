@@ -128,7 +128,7 @@ def test_an_element_that_is_inside_out_has_no_damper_in_the_stage(element: str) 
     solid.forget()
     whole, forces = both(x)
     own = np.setdiff1d(solid.elements[turned[0]], np.delete(solid.elements, turned[0], axis=0))
-    assert np.abs(forces[own]).max() > 0
+    assert not len(own) or np.abs(forces[own]).max() > 0
     solid.stiffness(x, modes, damper=True, project=True)
     solid.forget()
     less, forces = both(x)
