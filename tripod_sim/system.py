@@ -105,6 +105,8 @@ class System:
         self._last, self._known = (rest.copy(), self.elastic.rest_modes()), False
         self._rate, self._assembled = 0.0, (rest.copy(), self.elastic.rest_modes())
         self._aimed = False  # whether the forces of dampers at hand are those of the stage
+        self._strains, self._strained = np.zeros(self.remembers), False  # what is remembered of `_last`, if it is known
+        self._unmoved = False  # whether dampers have no rate where the stage starts, at `_last`
         self._arm = placed.copy()  # of nodes of bodies, from the centre, undeformed [m]
         for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
             self._arm[nodes] -= centre
@@ -219,10 +221,10 @@ class System:
         if self.knows(state):
             if self.remembers and not self._aimed:
                 damped[:] = 0.0
-                self._damper_energy = elastic.add_damper_gradient(x, modes, damped)
+                self._damper_energy = 0.0 if self._unmoved else elastic.add_damper_gradient(x, modes, damped)
                 self._aimed = True
             return self._elastic_energy
-        self._known = False
+        self._known = self._strained = self._unmoved = False
         self._forces[:] = 0.0
         if self.remembers:
             damped[:] = 0.0
@@ -238,7 +240,11 @@ class System:
     def remember(self, state: State, out: FloatArray) -> None:
         """Write what the dampers take the rates of at `state` to `out`, shape (remembers,)."""
         if self.remembers:
-            self.elastic.remember(state.positions, state.modes, out, known=self._aimed and self.knows(state))
+            knows = self.knows(state)
+            self.elastic.remember(state.positions, state.modes, out, known=self._aimed and knows)
+            self._strained = knows
+            if knows:
+                self._strains[:] = out
 
     def aim(self, s: float, known: FloatArray) -> None:
         """Prepare a stage of `s` [s]; `known`: what the scheme makes of what was remembered, shape (remembers,)."""
@@ -248,6 +254,8 @@ class System:
         if self.remembers:
             self.elastic.aim(s, known)
             self._rate, self._aimed = 1.0 / s, False
+            at_rest = self._strained and not self.elastic.has_modes  # whose own forces are part of those at hand
+            self._unmoved = at_rest and same(self._strains, known)
 
     def add_rates(self, y: FloatArray, out: FloatArray) -> None:
         """Add C y / s to `out` [N], of shape (n, 3), C the dampers' matrix in the last assembly, of a stage of s."""
@@ -283,6 +291,7 @@ class System:
         self.torques += solution @ self.reduction.drive
         positions, modes = self._last
         positions[:], modes[:] = state.positions, state.modes
+        self._strained = self._unmoved = False
         if self.remembers:
             dampers[:] = 0.0
             self._damper_energy = self.elastic.add_damper_gradient(state.positions, state.modes, dampers)
