@@ -34,7 +34,7 @@ BEND = 0.03
 """Square of the length of a step, for a distance of 1 rad from the snap [rad]: what the limit's curvature allows."""
 
 
-BARRIER, SWING = 4e-3, 0.3
+BARRIER, SWING = 2.5e-3, 0.3
 """Swing of the effector [m] that may carry a body of firmness 1 over a snap; and the time in which a swing that is no
 longer seen is forgotten, but for 1/e [s].
 """

@@ -105,7 +105,10 @@ class System:
         self._last, self._known = (rest.copy(), self.elastic.rest_modes()), False
         self._rate, self._assembled = 0.0, (rest.copy(), self.elastic.rest_modes())
         self._aimed = False  # whether the forces of dampers at hand are those of the stage
-        self._strains, self._strained = np.zeros(self.remembers), False  # what is remembered of `_last`, if it is known
+        self._strains, self._strained = (
+            np.zeros(self.remembers),
+            False,
+        )  # what is remembered of `_last`, if it is known
         self._unmoved = False  # whether dampers have no rate where the stage starts, at `_last`
         self._arm = placed.copy()  # of nodes of bodies, from the centre, undeformed [m]
         for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
@@ -254,7 +257,9 @@ class System:
         if self.remembers:
             self.elastic.aim(s, known)
             self._rate, self._aimed = 1.0 / s, False
-            at_rest = self._strained and not self.elastic.has_modes  # whose own forces are part of those at hand
+            at_rest = (
+                self._strained and not self.elastic.has_modes
+            )  # whose own forces are part of those at hand
             self._unmoved = at_rest and same(self._strains, known)
 
     def add_rates(self, y: FloatArray, out: FloatArray) -> None:

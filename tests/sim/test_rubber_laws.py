@@ -11,7 +11,7 @@ from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_arrays import no_solid
-from tripod_sim.forces.solid_kernels import solid_gradient
+from tripod_sim.forces.solid_kernels import ELASTIC, solid_gradient
 from tripod_sim.materials import calls
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.materials.law import initial_young, law_named, vector
@@ -256,6 +256,6 @@ def test_an_unknown_law_raises_compiled_or_not() -> None:
     )
     x, modes, lost = np.array(mesh.nodes), solid.rest_modes(), solid.arrays()._replace(law=none)
     with raises_naming(ValueError, "elastic law"):
-        solid_gradient(x, modes, lost, np.zeros_like(x))
+        solid_gradient(x, modes, lost, ELASTIC, *np.zeros((2, *x.shape)))
     with raises_naming(ValueError, "elastic law"):
         calls.tangent(none, np.eye(3), lost.p, False, np.zeros((9, 9)))

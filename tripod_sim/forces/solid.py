@@ -9,8 +9,8 @@ from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
-from tripod_sim.materials.calls import addresses
-from tripod_sim.materials.law import law_named, undeformed_tangent
+from tripod_sim.materials.calls import addresses, tangent_of
+from tripod_sim.materials.law import law_named
 from tripod_sim.materials.laws import KAPPA
 
 CRUSHED, BLOWN_UP = 0.3, 3.0
@@ -19,6 +19,13 @@ CRUSHED, BLOWN_UP = 0.3, 3.0
 
 SAFE = "stable_neo_hooke"
 """The law that brings elements back from inside out in every cell of `benchmarks/stability.py`."""
+
+
+def undeformed_tangent(functions: IndexArray, parameters: FloatArray) -> tuple[float, float]:
+    """Return lambda and mu [Pa] of the tangent of a law, by its functions, where nothing is deformed."""
+    C = np.zeros((9, 9))
+    tangent_of(functions, np.eye(3), parameters, C)
+    return float(C[0, 4]), float(C[1, 1])
 
 
 class Solid(ElasticTerm):
@@ -63,7 +70,7 @@ class Solid(ElasticTerm):
         self.has_modes = self._modes > 0
         extra = 3 * self._modes
         self.matrices = np.zeros((count, dofs, dofs))
-        lam, mu = undeformed_tangent(law, parameters)
+        lam, mu = undeformed_tangent(functions, parameters)
         kappa = parameters[KAPPA] if kind.mean_dilatation else 0.0
         points = weight.shape[1] if damping else 0
         self.remembers = count * points * 6

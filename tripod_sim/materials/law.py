@@ -7,7 +7,6 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.materials.calls import addresses, tangent_of
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.materials.laws import NAMES
 from tripod_sim.tables.bodies import Material, Region
@@ -21,13 +20,6 @@ def law_named(name: str) -> ModuleType:
     if name not in NAMES:
         raise SceneError(f"material.law is {shown(name)}; allowed: {', '.join(NAMES)}")
     return import_module(f"tripod_sim.materials.laws.{name}")
-
-
-def undeformed_tangent(law: str, parameters: FloatArray) -> tuple[float, float]:
-    """Return lambda and mu [Pa] of the tangent of a law where nothing is deformed, by its parameters."""
-    C = np.zeros((9, 9))
-    tangent_of(addresses(law_named(law)), np.eye(3), parameters, C)
-    return float(C[0, 4]), float(C[1, 1])
 
 
 def vector(law: str, lam: float, mu: float, own: tuple[float, ...] = ()) -> FloatArray:
