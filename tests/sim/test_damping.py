@@ -43,7 +43,9 @@ def springs_of(*, slack: bool) -> tuple[np.ndarray, SpringForce]:
     ends = np.array([(i, j) for i in range(8) for j in range(i)])
     length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
     stiffness = np.linspace(300.0, 900.0, len(ends))
-    return nodes, SpringForce(ends, length, stiffness, B * stiffness, slack=slack, owner="net")
+    return nodes, SpringForce(
+        ends, length, stiffness, np.zeros(len(ends)), slack=slack, owner="net", viscosity=B
+    )
 
 
 def dampers() -> list[tuple[str, str]]:

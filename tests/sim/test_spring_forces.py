@@ -111,17 +111,18 @@ def test_forces_of_springs_and_dampers_keep_momentum_and_turn_with_the_body() ->
 @pytest.mark.parametrize(
     ("stretch", "speed", "tension"), [(0.1, 0.0, 0.5), (0.1, 0.2, 1.1), (0.1, -0.2, 0.0), (-0.1, 0.2, 0.0)]
 )
-def test_the_damper_of_a_slack_spring_acts_while_it_is_taut_and_never_pushes(
-    stretch: float, speed: float, tension: float
+@pytest.mark.parametrize("c", [0.0, 2.0])
+def test_a_slack_spring_is_damped_by_stiffness_while_it_is_taut_and_by_its_own_damper_always(
+    stretch: float, speed: float, tension: float, c: float
 ) -> None:
-    """T = max(0, k (l - L) + c dl/dt), k = 5 N/m, c = 3 N s/m; none while l < L: at velocities and in a stage."""
+    """T = c dl/dt + max(0, k (l - L) + b k dl/dt), k = 5 N/m, b k = 3 N s/m; at velocities and in a stage."""
     x, v = np.array([[0.0, 0, 0], [1.0 + stretch, 0, 0]]), np.array([[0.0, 0, 0], [speed, 0, 0]])
-    links = links_of(np.array([[0, 1]]), np.ones(1), np.full(1, 5.0), np.full(1, 3.0), True)
+    links = links_of(np.array([[0, 1]]), np.ones(1), np.full(1, 5.0), np.full(1, c), True, 3.0 / 5.0)
     f, g, s = np.zeros_like(x), np.zeros_like(x), 1e-2
     add_forces(x, v, links, f)
-    assert f[0, 0] == pytest.approx(tension, abs=1e-12)
+    assert f[0, 0] == pytest.approx(tension + c * speed, abs=1e-12)
     add_gradient(x, links, 1 / s, np.array([1.0 + stretch - s * speed]), g)
-    assert g[1, 0] == pytest.approx(tension, abs=1e-12)
+    assert g[1, 0] == pytest.approx(tension + c * speed, abs=1e-12)
 
 
 def test_a_slack_spring_pulls_and_does_not_push() -> None:

@@ -178,9 +178,17 @@ def elastic_terms(
             from tripod_sim.forces.spring_force import SpringForce  # noqa: PLC0415 - only with springs
 
             length, stiffness = net.rest_length[moving], net.stiffness[moving]
-            dampers = net.damping[moving] + damping * stiffness
+            dampers = net.damping[moving]
             terms.append(
-                SpringForce(body.blocks[moving], length, stiffness, dampers, slack=net.slack, owner=name)
+                SpringForce(
+                    body.blocks[moving],
+                    length,
+                    stiffness,
+                    dampers,
+                    slack=net.slack,
+                    owner=name,
+                    viscosity=damping,
+                )
             )
             continue
         from tripod_sim.forces.solid import Solid  # noqa: PLC0415 - only with solids
@@ -242,7 +250,10 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
         rigid = [np.searchsorted(nodes, body) for body in groups.rigid if np.isin(body, nodes).all()]
         if free_motion([*own, *rigid], assembly.nodes[nodes], groups.held()[nodes]):
             groups = replace(groups, fixed=np.union1d(groups.fixed, nodes))
-            notes.append(f"nothing holds body {first.table.name!r}: without inertia it stays where it is")
+            notes.append(
+                f"nothing holds body {first.table.name!r}; a scene without [inertia] leaves it where it is: "
+                "add [[fixed]] or [inertia]"
+            )
     return groups, (*notes, *([] if static else _loose_parts(groups, assembly)))
 
 
@@ -257,8 +268,8 @@ def _loose_parts(groups: Groups, assembly: Assembly) -> Iterator[str]:
         if 0 < len(loose) < len(own):
             some = names_of(np.flatnonzero(label[body.nodes] == loose[0]))
             yield (
-                f"body {body.table.name!r} has {len(own)} parts that share no node, and nothing holds the one with "
-                f"nodes {some}: it moves on its own"
+                f"body {body.table.name!r} has {len(own)} parts that share no node, and nothing holds the one "
+                f"with nodes {some}, which moves by itself: join the parts or hold that one with [[fixed]]"
             )
 
 
@@ -280,8 +291,9 @@ def _regions(body: SoftBody, assembly: Assembly, sets: NodeSets) -> list[tuple[R
         elements = sets.elements(region.set, field, body.blocks, shares, groups)
         if not elements.size:
             raise SceneError(
-                f"{field} is {region.set!r}: no element of the body is in it; of a place those count whose centroid is "
-                "there, of a group of nodes those with all nodes in it"
+                f"{field} is {region.set!r}: no element of the body is in that set. A place holds the "
+                "elements whose centroid is in it, a group of nodes those with all nodes in it: enlarge the "
+                "set"
             )
         found.append((region, elements))
     return found

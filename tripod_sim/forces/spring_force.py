@@ -12,8 +12,10 @@ from tripod_sim.springs.spring_kernels import (
     add_gradient,
     add_rates,
     elastic_energy,
+    has_dampers,
     lengths,
     links_of,
+    rates_of,
     tangents,
 )
 
@@ -60,7 +62,7 @@ class SpringForce(SpringTangents, ElasticTerm):
 
     def __init__(
         self, ends: IndexArray, rest_length: FloatArray, stiffness: FloatArray, damping: FloatArray, *, slack: bool,
-        owner: str,
+        owner: str, viscosity: float = 0.0,
     ) -> None:  # fmt: skip
         """Join nodes.
 
@@ -71,10 +73,11 @@ class SpringForce(SpringTangents, ElasticTerm):
             damping: c [N s/m], shape (m,).
             slack: Whether springs only pull.
             owner: Name of the body, for messages.
+            viscosity: b of further dampers b k [s], which of slack springs act while they are taut.
         """
-        super().__init__(links_of(ends, rest_length, stiffness, damping, slack))
+        super().__init__(links_of(ends, rest_length, stiffness, damping, slack, viscosity))
         self._owner, self._reference, self._rate = owner, np.zeros(len(ends)), 0.0
-        self.remembers = len(ends) if damping.any() else 0
+        self.remembers = len(ends) if has_dampers(self.links) else 0
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3)."""
@@ -110,7 +113,7 @@ class SpringForce(SpringTangents, ElasticTerm):
 
     def add_damping_bound(self, x: FloatArray, modes: FloatArray, v: FloatArray, out: FloatArray) -> None:
         """Add to `out` what dampers have that pull in all directions, c [I, -I; -I, I], shape (n, 3)."""
-        (i, j), c = self.elements.T, self.links.damping[:, None]
+        (i, j), c = self.elements.T, rates_of(self.links)[:, None]
         np.add.at(out, i, c * (v[i] - v[j]))
         np.add.at(out, j, c * (v[j] - v[i]))
 

@@ -113,7 +113,7 @@ class ExplicitSteps:
                 linear.append(term)
             else:
                 raise SceneError(
-                    f"inertia.scheme is {self._scheme!r}, whose compiled loops cannot take {term.name}; choose one of: "
+                    f"inertia.scheme is {self._scheme!r}, which cannot compute {term.name}; choose one of: "
                     "implicit_euler, bdf2, tr_bdf2"
                 )
         self._bed = next(iter(linear), None)
@@ -212,7 +212,7 @@ class ExplicitSteps:
             part = self._longest_part(state)
             left = max(1, math.ceil(self.finer * (dt - time) / part)) if part < np.inf else 1
             if count + left > MOST_PARTS:
-                raise FloatingPointError(f"it would take {count + left} parts of {part:.2g} s")
+                raise FloatingPointError(f"the step would need {count + left} substeps of {part:.2g} s")
             largest = system.elastic.largest_stiffness() * float(np.abs(state.positions).max())
             load = load._replace(floor=(1e-6 * largest) ** 2)
             before, h = h, (dt - time) / left
@@ -317,7 +317,8 @@ def _nets(springs: Sequence[Links]) -> Nets:
         rest, stiffness, damping = (
             np.concatenate([*(net[k] for net in own), np.zeros(0)]) for k in (1, 2, 3)
         )
-        nets.append(Links(ends, rest, stiffness, damping, slack))
+        viscosity = max((net.viscosity for net in own), default=0.0)  # the scene has one for all
+        nets.append(Links(ends, rest, stiffness, damping, slack, viscosity))
     return nets[0], nets[1]
 
 
@@ -336,9 +337,9 @@ def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:
         moments = np.linalg.eigvalsh(inertia)
         if not moments[0] > THIN * moments[-1]:
             raise SceneError(
-                f"the masses of rigid body {i} ({len(nodes)} nodes) lie in a line, about which they have no inertia; "
-                "an explicit inertia.scheme needs it: enlarge effector.radius or choose one of: implicit_euler, bdf2, "
-                "tr_bdf2"
+                f"the masses of rigid body {i} ({len(nodes)} nodes) lie on a line, so it has no moment of "
+                "inertia about it, which an explicit inertia.scheme needs; enlarge effector.radius or choose "
+                "one of: implicit_euler, bdf2, tr_bdf2"
             )
         inverses[i] = np.linalg.inv(inertia)
         arms.append(arm)

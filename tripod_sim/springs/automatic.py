@@ -68,8 +68,9 @@ class AutomaticSprings:
         assert remembered
         if not dt / self._runge_kutta <= MOST_PARTS:
             raise SceneError(
-                f"dt is {dt:g} s: a step would take {dt / self._runge_kutta:.2g} parts of {self._runge_kutta:.2g} s to "
-                f"be stable (at most {MOST_PARTS}); choose inertia.scheme = 'tr_bdf2' or a smaller dt"
+                f"dt is {dt:g} s: a stable step needs {dt / self._runge_kutta:.2g} substeps of "
+                f"{self._runge_kutta:.2g} s (allowed: {MOST_PARTS}); set inertia.scheme = 'tr_bdf2' or a "
+                "smaller dt"
             )
         outcome, done, parts, rejected, forces, worst, order, proposed = kernels.automatic_steps(
             count, dt, self._tolerance, self._shortest, self._verlet, self._runge_kutta, remembered.order,
@@ -82,8 +83,8 @@ class AutomaticSprings:
         state.step += done
         if outcome != FINE:
             raise StepError(
-                f"step {state.step + 1} at {state.time:.4g} s overflows, even in parts of {self._shortest:g} s; "
-                "inertia.scheme = 'tr_bdf2' needs no limit"
+                f"step {state.step + 1} at {state.time:.4g} s overflows, even with substeps of "
+                f"{self._shortest:g} s; set inertia.scheme = 'tr_bdf2', which is stable at any dt"
             )
         report = StepReport(parts=parts, rejected=rejected, dt_limit=self._runge_kutta)
         report.time_error = TimeErrorReport(np.nan, np.nan, -1, worst)

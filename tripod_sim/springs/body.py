@@ -23,7 +23,7 @@ class SpringBody:
 
         T n,   T = k (l - L) + c dl/dt,
 
-    and j with the opposite. A slack spring only pulls: it has no force while l < L, and its damper never makes it push.
+    and j with the opposite. A slack spring that is compressed has k (l - L) = 0; its damper c acts all the same.
 
     Attributes:
         nodes: Undeformed positions [m], shape (n, 3).
@@ -64,7 +64,7 @@ class SpringBody:
         if (bad := self.fixed[(self.fixed < 0) | (self.fixed >= n)]).size:
             raise SceneError(f"fixed nodes {names_of(bad)} do not exist; the body has nodes 0..{n - 1}")
         if len(np.unique(self.fixed)) == n:
-            raise SceneError("every node is fixed; nothing is free to move")
+            raise SceneError("every node is fixed, so nothing can move; fix fewer nodes")
 
     @property
     def elements(self) -> IndexArray:

@@ -68,7 +68,7 @@ class ExplicitSprings:
         count = self.finer * dt / self._part
         if not count <= MOST_PARTS:
             raise SceneError(
-                f"dt is {dt:g} s: a step would take {count:.2g} parts of {self._part:.2g} s to be stable (at most "
+                f"dt is {dt:g} s: a stable step needs {count:.2g} substeps of {self._part:.2g} s (allowed: "
                 f"{MOST_PARTS}); choose an implicit inertia.scheme or a smaller dt"
             )
         return math.ceil(count)

@@ -13,6 +13,7 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.stability import largest_eigenvalue
 from tripod_sim.springs.body import SpringBody
+from tripod_sim.springs.spring_kernels import rates_of
 from tripod_sim.springs.spring_system import SpringSystem
 
 ITERATIONS = 2000
@@ -40,4 +41,4 @@ def network_bound(body: SpringBody, weights: FloatArray) -> float:
 def fastest(system: SpringSystem, drag: float) -> tuple[float, float]:
     """Return bounds of the largest frequency [rad/s] and rate of damping [1/s], by the force -a M v, too."""
     body, links = system.body, system.links
-    return math.sqrt(network_bound(body, links.stiffness)), drag + network_bound(body, links.damping)
+    return math.sqrt(network_bound(body, links.stiffness)), drag + network_bound(body, rates_of(links))

@@ -55,7 +55,10 @@ def grid(count: int, size: float) -> Net:
     Corners: (-, -), (+, -), (+, +), (-, +) of (x, y). [Provot1995]
     """
     if count * count > MOST_NODES:
-        raise SceneError(f"springs.nodes is {count}: a grid of at most {MOST_NODES} nodes is possible")
+        raise SceneError(
+            f"springs.nodes is {count}, for each side of the grid; the grid may have at most {MOST_NODES} "
+            "nodes: set a smaller number"
+        )
     x = np.linspace(-size / 2, size / 2, count)
     nodes = np.zeros((count * count, 3))
     nodes[:, 0], nodes[:, 1] = np.tile(x, count), np.repeat(x, count)

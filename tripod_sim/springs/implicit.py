@@ -15,13 +15,14 @@ from tripod_sim.linear.solver import Pattern
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.cg_kernels import sweep
 from tripod_sim.springs.linear_kernels import Factor, Slots
+from tripod_sim.springs.spring_kernels import has_dampers
 from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
 
 WHY = {
     kernels.UNSOLVED: "the unbalanced force is still {residual:.3g} N after {most} iterations",
-    kernels.NO_DESCENT: "no descent from an unbalanced force of {residual:.3g} N",
-    kernels.SINGULAR: "the tangent is singular",
+    kernels.NO_DESCENT: "the energy falls along no direction, at an unbalanced force of {residual:.3g} N",
+    kernels.SINGULAR: "the stiffness matrix is singular",
     kernels.BROKEN: "a number is not finite",
     kernels.UNITERATED: "conjugate gradients did not converge; solver.linear = 'ldl' solves directly",
 }
@@ -66,7 +67,7 @@ def problem_of(system: SpringSystem, *, drag: float, moving: bool) -> kernels.Pr
     body = system.body
     size = float(np.abs(body.nodes).max())
     rounding = 1e-15 * float(body.stiffness.max(initial=0.0)) * size * np.sqrt(len(body.ends))
-    damped = moving and bool((system.links.damping > 0).any())
+    damped = moving and has_dampers(system.links)
     return kernels.Problem(
         system.links, system.mass, system.force, body.free, system.number, drag, rounding, damped
     )
@@ -154,7 +155,10 @@ class StaticSprings:
                 )  # fmt: skip
         state.positions[:], state.velocities[:] = keep, 0.0
         raise StepError(
-            f"step {state.step + 1}: no static equilibrium after {steps} load steps, unbalanced force {inertia:.3g} N"
+            (
+                f"step {state.step + 1}: no static equilibrium was found in {steps} load steps; the "
+                f"unbalanced force is {inertia:.3g} N. Apply the load in smaller steps, or add [inertia]"
+            )
             if steps
             else f"step {state.step + 1}: no static equilibrium: {solver.why(outcome)}"
         )

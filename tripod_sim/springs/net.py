@@ -67,11 +67,15 @@ def _fixed(description: Springs, net: Net) -> IndexArray:
         )
     corners = np.array(description.fixed_corners, dtype=np.int64)
     if (bad := corners[corners >= len(net.corners)]).size:
-        have = f"corners 0 to {len(net.corners) - 1}" if len(net.corners) else "no corners; use fixed_nodes"
+        have = (
+            f"corners 0 to {len(net.corners) - 1}"
+            if len(net.corners)
+            else "no corners; use springs.fixed_nodes"
+        )
         raise SceneError(
             f"springs.fixed_corners: {names_of(bad)} do not exist; {description.source} has {have}"
         )
     fixed = np.unique(np.concatenate([named, net.corners[corners]]))
     if len(fixed) == count:
-        raise SceneError("springs: every node is fixed; nothing is free to move")
+        raise SceneError("springs: every node is fixed, so nothing can move; fix fewer nodes")
     return fixed

@@ -102,15 +102,15 @@ def spring_body(scene: Scene, description: Springs) -> SpringBody:
     if held:
         fixed = np.unique(np.concatenate([body.fixed, *held]))
         if len(fixed) == len(body.nodes):
-            raise SceneError("springs: every node is fixed; nothing is free to move")
+            raise SceneError("springs: every node is fixed, so nothing can move; fix fewer nodes")
         body = replace(body, fixed=fixed)
     if not scene.inertia:
         label = connected_parts([body.ends], len(body.nodes))
         loose = np.setdiff1d(label, label[body.fixed])
         if loose.size:
             raise SceneError(
-                f"springs: nothing holds the part with nodes {names_of(np.flatnonzero(label == loose[0]))}, so its "
-                "translation is free and it has no static equilibrium; add [inertia] or hold it"
+                f"springs: nothing holds the part with nodes {names_of(np.flatnonzero(label == loose[0]))}, "
+                "so it can move as a whole and has no static equilibrium; add [inertia], or fix a node of it"
             )
     return body
 
@@ -154,7 +154,7 @@ def _options(scene: Scene, system: SpringSystem) -> "Options":
 
     solver = scene.solver
     if solver.linear == "cholmod":
-        raise SceneError("solver.linear is 'cholmod'; of springs allowed: auto, ldl, cg")
+        raise SceneError("solver.linear is 'cholmod'; allowed with springs: auto, ldl, cg")
     direct = solver.linear == "ldl" or (solver.linear == "auto" and system.unknowns <= LARGE)
     one_solve = solver.mode == "one_solve"
     return Options(direct, one_solve, solver.tolerance, solver.linear_tolerance, solver.max_iterations)

@@ -10,19 +10,41 @@ from tripod_sim.forces.term_kernels import add_pair
 
 
 class Links(NamedTuple):
-    """Springs as kernels take them; see `SpringBody`. damping: c, with what `[damping]` adds, [N s/m]."""
+    """Springs as kernels take them; see `SpringBody`.
+
+    damping: c of the dampers that always act [N s/m]; viscosity: b of dampers b k that act while a slack spring is taut
+    [s], zero where springs push, too: there they are part of c.
+    """
 
     ends: Array
     rest: Array
     stiffness: Array
     damping: Array
     slack: bool
+    viscosity: float
 
 
-def links_of(ends: Array, rest: Array, stiffness: Array, damping: Array, slack: bool) -> Links:
-    """Return springs with arrays of their own: kernels are compiled anew for arrays that may not be written."""
+def links_of(
+    ends: Array, rest: Array, stiffness: Array, damping: Array, slack: bool, viscosity: float = 0.0
+) -> Links:
+    """Return springs with arrays of their own: kernels are compiled again for arrays that may not be written.
+
+    `damping`: c of each [N s/m]; `viscosity`: b of further dampers b k [s].
+    """
     e, r, k, c = (np.array(array, order="C") for array in (ends, rest, stiffness, damping))
-    return Links(e, r, k, c, bool(slack))
+    if not slack:
+        c, viscosity = c + viscosity * k, 0.0
+    return Links(e, r, k, c, bool(slack), float(viscosity))
+
+
+def rates_of(links: Links) -> Array:
+    """Return what the dampers of each spring are at most together [N s/m], shape (m,)."""
+    return links.damping + links.viscosity * links.stiffness
+
+
+def has_dampers(links: Links) -> bool:
+    """Return whether a spring has a damper."""
+    return bool(rates_of(links).any())
 
 
 SHORTEST = 1e-150
@@ -51,22 +73,22 @@ def tension_of(length: float, rest: float, k: float, slack: bool) -> tuple[float
 
 @njit(cache=True, error_model="numpy", inline="always")
 def stage_tension(
-    length: float, rest: float, k: float, c: float, before: float, slack: bool
+    length: float, rest: float, k: float, c: float, taut: float, before: float, slack: bool
 ) -> tuple[float, float, float]:
     """Return energy [J], stiffness [N/m] and tension [N] of a spring with its damper in an implicit stage.
 
-    The tension is k (l - L) + c (l - l_0), with c the damping over s and l_0 = `before`; its energy is that of both. A
-    slack spring only pulls: T = max(0, k (l - L) + c (l - l_0)), where l_0 is at least L, is a continuous force, and
-    the gradient of T² / 2 (k + c).
+    The tension is k (l - L) + c (l - l_0), with c the damping over s and l_0 = `before`; its energy is that of both.
+    Of a slack spring it is c (l - l_0) + max(0, k (l - L) + `taut` (l - l_0)), where in the latter l_0 is at least L: a
+    continuous force, whose second part has the energy of its square over 2 (k + taut).
     """
-    stretch, stiffness = length - rest, k + c
-    change = length - (max(before, rest) if slack else before)
-    tension = k * stretch + c * change
+    stretch, push = length - rest, c * (length - before)
+    energy = 0.5 * push * (length - before)
     if not slack:
-        return 0.5 * (k * stretch * stretch + c * change * change), stiffness, tension
-    if not tension > 0.0:
-        return 0.0, 0.0, 0.0
-    return 0.5 * tension * tension / stiffness, stiffness, tension
+        return energy + 0.5 * k * stretch * stretch, k + c, k * stretch + push
+    pull = k * stretch + taut * (length - max(before, rest))
+    if not pull > 0.0:
+        return energy, c, push
+    return energy + 0.5 * pull * pull / (k + taut), k + taut + c, pull + push
 
 
 @njit(cache=True, error_model="numpy")
@@ -82,17 +104,16 @@ def elastic_energy(x: Array, links: Links) -> float:
 
 @njit(cache=True, error_model="numpy")
 def lengths(x: Array, links: Links, out: Array) -> None:
-    """Write l of each spring [m]; of a slack one at least L, since below that it has no strain."""
+    """Write l of each spring [m]."""
     for m in range(links.ends.shape[0]):
-        length, _, _, _ = direction(x, links.ends[m, 0], links.ends[m, 1])
-        out[m] = max(length, links.rest[m]) if links.slack else length
+        out[m], _, _, _ = direction(x, links.ends[m, 0], links.ends[m, 1])
 
 
 @njit(cache=True, error_model="numpy")
 def add_forces(x: Array, v: Array, links: Links, f: Array) -> float:
     """Add the forces T n of springs and dampers to `f` [N], T = k (l - L) + c dl/dt; return the springs' energy [J].
 
-    A slack spring has none while l < L, and only pulls: T is at least 0.
+    Of a slack spring T = c dl/dt + max(0, k (l - L) + b k dl/dt), the second part zero while l < L.
     """
     total = 0.0
     for m in range(links.ends.shape[0]):
@@ -100,11 +121,12 @@ def add_forces(x: Array, v: Array, links: Links, f: Array) -> float:
         length, n0, n1, n2 = direction(x, i, j)
         stretch, _, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
         total += 0.5 * tension * stretch
-        if links.damping[m] > 0.0 and not (links.slack and stretch < 0.0):
+        if links.damping[m] > 0.0 or links.viscosity > 0.0:
             w0, w1, w2 = v[j, 0] - v[i, 0], v[j, 1] - v[i, 1], v[j, 2] - v[i, 2]
-            tension += links.damping[m] * (n0 * w0 + n1 * w1 + n2 * w2)
-            if links.slack:
-                tension = max(0.0, tension)
+            speed = n0 * w0 + n1 * w1 + n2 * w2
+            if links.slack and stretch >= 0.0:
+                tension = max(0.0, tension + links.viscosity * links.stiffness[m] * speed)
+            tension += links.damping[m] * speed
         add_pair(f, i, j, tension * n0, tension * n1, tension * n2)
     return total
 
@@ -126,8 +148,9 @@ def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
+        k, c = links.stiffness[m], rate * links.damping[m]
         energy, _, tension = stage_tension(
-            length, links.rest[m], links.stiffness[m], rate * links.damping[m], reference[m], links.slack
+            length, links.rest[m], k, c, rate * links.viscosity * k, reference[m], links.slack
         )
         total += energy
         add_pair(g, j, i, tension * n0, tension * n1, tension * n2)
@@ -142,7 +165,9 @@ def add_damper_gradient(x: Array, links: Links, rate: float, reference: Array, g
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
         rest, k, c = links.rest[m], links.stiffness[m], rate * links.damping[m]
-        energy, _, tension = stage_tension(length, rest, k, c, reference[m], links.slack)
+        energy, _, tension = stage_tension(
+            length, rest, k, c, rate * links.viscosity * k, reference[m], links.slack
+        )
         stretch, _, elastic = tension_of(length, rest, k, links.slack)
         total += energy - 0.5 * elastic * stretch
         tension -= elastic
@@ -152,17 +177,17 @@ def add_damper_gradient(x: Array, links: Links, rate: float, reference: Array, g
 
 @njit(cache=True, error_model="numpy")
 def add_rates(x: Array, links: Links, rate: float, reference: Array, y: Array, out: Array) -> None:
-    """Add r C y to `out` [N], C the sum of c n n^T over the springs that `add_gradient` finds taut; y, out: (n, 3)."""
+    """Add r C y to `out` [N], C the sum of c n n^T, with b k of taut slack springs; y, out: (n, 3)."""
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        c = rate * links.damping[m]
-        _, stiffness, _ = stage_tension(
-            length, links.rest[m], links.stiffness[m], c, reference[m], links.slack
-        )
-        if stiffness > 0.0:
-            pull = c * (n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2]))
-            add_pair(out, i, j, pull * n0, pull * n1, pull * n2)
+        k, c = links.stiffness[m], rate * links.damping[m]
+        taut = rate * links.viscosity * k
+        _, stiffness, _ = stage_tension(length, links.rest[m], k, c, taut, reference[m], links.slack)
+        if stiffness > c:
+            c += taut
+        pull = c * (n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2]))
+        add_pair(out, i, j, pull * n0, pull * n1, pull * n2)
 
 
 @njit(cache=True, error_model="numpy")
@@ -174,8 +199,9 @@ def tangents(x: Array, links: Links, rate: float, reference: Array, project: boo
     """
     for m in range(links.ends.shape[0]):
         length, n0, n1, n2 = direction(x, links.ends[m, 0], links.ends[m, 1])
+        k, c = links.stiffness[m], rate * links.damping[m]
         _, k, tension = stage_tension(
-            length, links.rest[m], links.stiffness[m], rate * links.damping[m], reference[m], links.slack
+            length, links.rest[m], k, c, rate * links.viscosity * k, reference[m], links.slack
         )
         across = tension / length
         if length < SHORTEST:

@@ -8,7 +8,7 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_kernels import elastic_energy, lengths, links_of
+from tripod_sim.springs.spring_kernels import elastic_energy, has_dampers, lengths, links_of
 from tripod_sim.state import State
 
 
@@ -36,9 +36,9 @@ class SpringSystem:
         self, body: SpringBody, acceleration: tuple[float, float, float] | None, damping: float = 0.0
     ) -> None:
         """`acceleration`: of gravity [m/s²], None for none; `damping`: b of stiffness damping [s]."""
-        self.body, dampers = body, body.damping + damping * body.stiffness
-        self.links = links_of(body.ends, body.rest_length, body.stiffness, dampers, body.slack)
-        self.remembers, self.terms = len(dampers) if dampers.any() else 0, ()
+        self.body = body
+        self.links = links_of(body.ends, body.rest_length, body.stiffness, body.damping, body.slack, damping)
+        self.remembers, self.terms = len(body.ends) if has_dampers(self.links) else 0, ()
         self.rest, self.force = body.nodes, np.zeros_like(body.nodes)
         if acceleration is not None:
             self.force += body.mass[:, None] * np.array(acceleration)
