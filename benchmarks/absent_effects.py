@@ -7,7 +7,7 @@ their lives, since their memory lies elsewhere, so each ratio is the median of t
 many couples are made; the interval holds the median of all couples with 95 % confidence (order statistics of the
 binomial distribution).
 
-    python benchmarks/absent_effects.py [--couples 15] [--pairs 6] [--steps 60] [--write docs/effects.md]
+    python benchmarks/absent_effects.py [--couples 15] [--pairs 6] [--steps 60] [--write]
 """
 
 import argparse
@@ -23,6 +23,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 
 # isort: split
 import numpy as np
+from doc_parts import write_part
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
@@ -60,7 +61,7 @@ WITHOUT: dict[str, tuple[str, ...]] = {
 """The scene on which the absence of an effect is timed; of effects not named here `tripod`. Effects without files of
 their own compare the package with itself: what the machine's noise makes of the ratio."""
 
-MARK, END = "## Step times", "<!-- end -->"
+PAGE, PART = "effects.md", "step times"
 
 WORKER = """
 import sys, time
@@ -212,9 +213,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=6, help="of blocks, for each couple (default 6)")
     parser.add_argument("--steps", type=int, default=60, help="of a block (default 60)")
     parser.add_argument("--only", nargs="*", choices=EFFECTS, help="effects; all by default")
-    parser.add_argument(
-        "--write", type=Path, help="put the table into this file, at the heading of its step times"
-    )
+    parser.add_argument("--write", action="store_true", help=f"put the table into docs/{PAGE}")
     arguments = parser.parse_args()
     results = []
     for effect in arguments.only or EFFECTS:
@@ -228,13 +227,7 @@ def main() -> None:
     lines = [*table(results), "", f"{effort}; {product}."]
     print("\n".join(lines))
     if arguments.write:
-        text = arguments.write.read_text(encoding="utf-8")
-        head, _, rest = text.partition(MARK)
-        _, _, tail = rest.partition(END)
-        command = f"`python benchmarks/absent_effects.py --write {arguments.write}` wrote this:"
-        arguments.write.write_text(
-            "\n".join([f"{head}{MARK}", "", command, "", *lines, "", f"{END}{tail}"]), encoding="utf-8"
-        )
+        write_part(PAGE, PART, lines)
 
 
 if __name__ == "__main__":

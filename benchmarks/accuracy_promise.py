@@ -36,8 +36,9 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 import numpy as np
 
 from benchmarks import promise_cases
+from benchmarks.doc_parts import DOCS
 from benchmarks.promise_cases import KINDS, Kind, Rows
-from benchmarks.promise_table import HEADS, percent, written
+from benchmarks.promise_table import HEADS, PAGE, percent, table, written
 from tripod_bringup.study_plans import PLANS
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.accuracy.choice import asked, margins, pick
@@ -246,9 +247,7 @@ def main() -> None:
     parser.add_argument(
         "--keep", type=Path, help="file in which cases are kept, to go on after an interruption"
     )
-    parser.add_argument(
-        "--write", type=Path, help="put the table into this file, at the heading of what is measured"
-    )
+    parser.add_argument("--write", action="store_true", help=f"put the table into docs/{PAGE}")
     arguments = parser.parse_args()
     if arguments.cases < 1 or arguments.first < 0:
         parser.error("--cases must be at least 1 and --first at least 0")
@@ -265,10 +264,10 @@ def main() -> None:
         if cut:
             break
     speed = f"1000 x 1000 float64 product here: {1e3 * calibration():.1f} ms."
-    print(written("", lines, speed))
+    print("\n".join(table(lines, speed)))
     if arguments.write:
-        text = arguments.write.read_text(encoding="utf-8")
-        arguments.write.write_text(written(text, lines, speed, arguments.write), encoding="utf-8")
+        page = DOCS / PAGE
+        page.write_text(written(page.read_text(encoding="utf-8"), lines, speed), encoding="utf-8")
     sys.exit(130 if cut else 0)
 
 

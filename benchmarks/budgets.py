@@ -1,7 +1,4 @@
-"""How much more exact than what `--budget` picks any setting is that takes no longer.
-
-    python benchmarks/budgets.py            # prints the table
-    python benchmarks/budgets.py --write    # into docs/accuracy_promise.md
+"""How much more accurate than what `--budget` picks any setting is that takes no longer; `evidence.py` has the table.
 
 For each studied motion six budgets of CPU time for a simulated second, evenly spaced in their logarithm from the
 cheapest setting that `--budget` may pick to the dearest; against all settings of the study, those included whose steps
@@ -10,16 +7,10 @@ that of the move or of the pose. `--budget` takes the same with margins, which d
 times are the study's; what the ratio is of the first alone, the move, stands in brackets.
 """
 
-import argparse
-import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.doc_parts import write_part
 from tripod_sim.accuracy.choice import Budget, pick, stays_stable
 from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study, stored_studies
 
@@ -52,7 +43,7 @@ def ratio(study: StoredStudy, budget: float, error: Callable[[StoredPoint], floa
 def table() -> list[str]:
     """Return the table."""
     lines = [
-        "| study | settings | budgets [CPU s per simulated second] | error over the least, by budget | worst |"
+        "| study | settings | budgets [CPU s per simulated second] | error over the least possible, by budget | worst |"
     ]
     lines.append("|---" * 5 + "|")
     for study in map(read_study, stored_studies()):
@@ -68,20 +59,3 @@ def table() -> list[str]:
         )
         lines.append(f"| {study.name} | {len(study.points)} | {' | '.join(words)} |")
     return lines
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--write", action="store_true", help="into docs/accuracy_promise.md")
-    options = parser.parse_args(arguments)
-    lines = table()
-    print(*lines, sep="\n")
-    if options.write:
-        write_part("accuracy_promise.md", "budgets", [*lines, "", "`python benchmarks/budgets.py --write`."])
-
-
-if __name__ == "__main__":
-    main()

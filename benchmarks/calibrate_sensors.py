@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.doc_parts import write_part
 from benchmarks.identify import MODEL, TRUTHS, robots, with_values
 from tripod_identify.errors import FitError
 from tripod_identify.fit import Prior
@@ -73,11 +74,11 @@ def one(seed: int, sensor: str, poses: np.ndarray) -> dict:
     return {"seed": seed, "sensor": sensor, "cpu": time.process_time() - began, "found": rows}
 
 
-def table(rows: list[dict], count: int) -> str:
+def table(rows: list[dict]) -> str:
     """Return the table in Markdown."""
     lines = [
         "| sensor | robots | zero: error rms, half interval [degrees] | slide: error rms, half interval [mm] | zeros, "
-        "slides, moduli told | intervals hold | CPU time [s] |",
+        "slides, moduli found | intervals hold | CPU time [s] |",
         "|---|---|---|---|---|---|---|",
     ]
     for sensor in LOOKS:
@@ -103,7 +104,7 @@ def table(rows: list[dict], count: int) -> str:
         cpu = np.median([r["cpu"] for r in own if "cpu" in r])
         cells += [", ".join(share), f"{hold:.0f} %", f"{cpu:.0f}"]
         lines.append(f"| `{sensor}` | {of} of {len(own)} | " + " | ".join(cells) + " |")
-    return f"{count} poses:\n\n" + "\n".join(lines)
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -118,6 +119,7 @@ def main() -> None:
         default=Path("calibrate_sensors"),
         help="begin of the names of files, gone on with",
     )
+    parser.add_argument("--write", action="store_true", help="write docs/reality.md, too")
     given = parser.parse_args()
     rows = []
     for sensor, look in LOOKS.items():
@@ -125,7 +127,9 @@ def main() -> None:
         results = given.results.with_name(f"{given.results.stem}_{sensor}.jsonl")
         print(sensor, flush=True)
         rows += robots(results, given.robots, partial(one, sensor=sensor, poses=poses))
-    print(table(rows, given.poses))
+    print(f"{given.poses} poses:\n\n{table(rows)}")
+    if given.write:
+        write_part("reality.md", "sensors", table(rows).splitlines())
 
 
 if __name__ == "__main__":

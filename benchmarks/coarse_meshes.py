@@ -11,7 +11,6 @@ Results go to a file line by line; meshes that are there are not computed again.
 """
 
 import argparse
-import json
 import math
 import re
 import sys
@@ -27,7 +26,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from benchmarks.blocks import elastic
-from benchmarks.doc_parts import write_part
+from benchmarks.doc_parts import table_lines, write_part
+from benchmarks.stored_rows import store, stored
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
@@ -241,21 +241,17 @@ def verdict(row: dict[str, Any]) -> str:
 
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the table of the page."""
-    lines = [
-        "| mesh | nu | true error [%] | told | sideways, true [%] | told [%] | verdict |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    heads = ("mesh", "nu", "true error [%]", "note", "sideways, true [%]", "note [%]", "verdict")
+    lines = []
     for row in rows:
         kind, error = told(row["note"])
         sideways = re.search(r"up to about (\d+) %", row["note"])
-        lines.append(
-            f"| {row['mesh']} | {row['poisson']} | {100 * row['true']:.0f} | "
-            f"{f'{kind} {100 * error:.0f}' if kind else 'nothing'} | {100 * row['sideways']:.0f} | "
-            f"{sideways[1] if sideways else ''} | {verdict(row)} |"
-        )
+        note = f"{kind} {100 * error:.0f}" if kind else "nothing"
+        aside = (f"{100 * row['sideways']:.0f}", sideways[1] if sideways else "")
+        lines.append((row["mesh"], row["poisson"], f"{100 * row['true']:.0f}", note, *aside, verdict(row)))
     verdicts = Counter(map(verdict, rows))
     return [
-        *lines,
+        *table_lines(heads, lines),
         "",
         f"Of {len(rows)} meshes: " + ", ".join(f"{n} {v}" for v, n in sorted(verdicts.items())) + ".",
     ]
@@ -271,15 +267,12 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("build/coarse_meshes.jsonl"))
     parser.add_argument("--write", action="store_true", help="write the table to docs/verification.md, too")
     options = parser.parse_args()
-    options.results.parent.mkdir(parents=True, exist_ok=True)
-    lines = options.results.read_text().splitlines() if options.results.exists() else []
-    known = {row["seed"]: row for row in map(json.loads, lines)}
+    known = {row["seed"]: row for row in stored(options.results)}
     wanted = range(options.seed, options.seed + options.meshes)
     for seed in wanted:
         if seed not in known:
             known[seed] = measured(seed)
-            with options.results.open("a") as out:
-                out.write(json.dumps(known[seed]) + "\n")
+            store(options.results, known[seed])
     found = table([known[seed] for seed in wanted])
     print("\n".join(found))
     if options.write:

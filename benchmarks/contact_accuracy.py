@@ -23,7 +23,6 @@ One line of JSON for each case goes to the results; cases that are there are not
 """
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -38,7 +37,8 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 # isort: split
 import numpy as np
 
-from benchmarks.doc_parts import write_part
+from benchmarks.doc_parts import table_lines, write_part
+from benchmarks.stored_rows import store, stored
 from tripod_sim import Simulation, StepError, load_scene
 
 ACCURACIES = (0.1, 0.05, 0.01)
@@ -374,11 +374,18 @@ def one_step(rows: Sequence[dict[str, Any]], accuracy: float) -> tuple[str, floa
 
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the table of the page."""
-    lines = [
-        "| scene | accuracy | cases | kept [%] | chaotic | of these kept | others kept | worst error | "
-        "one fixed step, of these kept [%] | cost beside it | cost, sum | median | 90 % | at most 1.5 [%] |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    heads = (
+        *("scene", "accuracy", "cases", "kept [%]", "chaotic", "of these kept", "others kept", "worst error"),
+        *(
+            "one fixed step, of these kept [%]",
+            "cost beside it",
+            "cost, sum",
+            "median",
+            "90 %",
+            "at most 1.5 [%]",
+        ),
+    )
+    lines = []
     for scene in [*SCENES, "all"]:
         own = [r for r in rows if scene in (r["scene"], "all")]
         for a in ACCURACIES if own else ():
@@ -394,17 +401,13 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             chaos, place = ([ok for c, ok in judged if c == chaotic] for chaotic in (True, False))
             worst = f"{100 * max(errors):.2g} %" if errors else ""
             spread = (
-                f"{seconds.sum() / (seconds / costs).sum():.2f} | {np.median(costs):.2f} | "
-                f"{np.quantile(costs, 0.9):.2f} | {100 * np.mean(costs <= 1.5):.0f}"
-                if len(costs)
-                else " | | | "
-            )
-            lines.append(
-                f"| {scene} | {100 * a:g} % | {len(own)} | {100 * np.mean([ok for _, ok in judged]):.3g} | "
-                f"{len(chaos)} | {sum(chaos)} | {sum(place)} of {len(place)} | {worst} | {one} | {beside:.2f} | "
-                f"{spread} |"
-            )
-    return lines
+                f"{seconds.sum() / (seconds / costs).sum():.2f}", f"{np.median(costs):.2f}",
+                f"{np.quantile(costs, 0.9):.2f}", f"{100 * np.mean(costs <= 1.5):.0f}",
+            ) if len(costs) else ("",) * 4  # fmt: skip
+            share = f"{100 * np.mean([ok for _, ok in judged]):.3g}"
+            counts = (len(own), share, len(chaos), sum(chaos), f"{sum(place)} of {len(place)}")
+            lines.append((scene, f"{100 * a:g} %", *counts, worst, one, f"{beside:.2f}", *spread))
+    return table_lines(heads, lines)
 
 
 def main() -> None:
@@ -430,12 +433,7 @@ def main() -> None:
     options = parser.parse_args()
     if unknown := [s for s in options.scene if s not in SCENES]:
         parser.error(f"unknown scene {unknown[0]!r}; scenes: {', '.join(SCENES)}")
-    options.results.parent.mkdir(parents=True, exist_ok=True)
-    rows = (
-        [json.loads(line) for line in options.results.read_text().splitlines()]
-        if options.results.exists()
-        else []
-    )
+    rows = stored(options.results)
     if not options.report:
         print(f"calibration: 1000 x 1000 product {1e3 * calibration():.1f} ms", flush=True)
         for seed in range(options.seed, options.seed + options.cases):
@@ -444,8 +442,7 @@ def main() -> None:
                     continue
                 begin = time.thread_time()
                 row = measure(scene, seed, options.set)
-                with options.results.open("a") as out:
-                    out.write(json.dumps(row) + "\n")
+                store(options.results, row)
                 rows.append(row)
                 print(f"{scene} {seed}: own {row['own']:.2g}, "
                       f"{time.thread_time() - begin:.1f} s", flush=True)  # fmt: skip

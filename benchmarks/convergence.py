@@ -3,12 +3,11 @@
 Cases: L1 sag by weight, flat; L2 all servos at -45 degrees; L3 servo 0 alone at -45 degrees; L4 the working pose, all
 at -1.4965 rad with the servo bodies slid 35 mm inward; L5 is L4 with servo 0 moved back by 0.3 rad, of which the move
 of the effector counts. What is found goes to docs/convergence.csv, one row a mesh; rows that are there are not
-computed again, so the command can be stopped and repeated. Then docs/convergence.md and its picture are renewed.
+computed again, so the command can be stopped and repeated; then `python benchmarks/evidence.py` renews the page.
 
     python benchmarks/convergence.py             # all that is missing: an hour, mostly the reference
     python benchmarks/convergence.py --quick     # without the finest meshes
     python benchmarks/convergence.py --times     # step times, on a quiet machine
-    python benchmarks/convergence.py --report    # only the document and the picture
 """
 
 import argparse
@@ -208,7 +207,7 @@ def measure_times(rows: dict[tuple[str, str, int], Row], steps: int) -> None:
 
 
 def main() -> None:
-    """Compute what is missing and renew the document."""
+    """Compute what is missing."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -216,20 +215,16 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="leave the finest meshes out")
     parser.add_argument("--times", action="store_true", help="measure step times instead")
     parser.add_argument("--steps", type=int, default=300, help="steps of each time (default 300)")
-    parser.add_argument("--report", action="store_true", help="only renew the document and the picture")
     options = parser.parse_args()
     rows = read()
     try:
         if options.times:
             measure_times(rows, options.steps)
-        elif not options.report:
+        else:
             compute(rows, options.only, quick=options.quick)
     except KeyboardInterrupt:
         print("\nstopped; what is done is kept, the same command goes on", file=sys.stderr)
         sys.exit(130)
-    from benchmarks import convergence_report  # noqa: PLC0415 - matplotlib is needed only here
-
-    convergence_report.write(list(rows.values()))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,27 @@
-"""The document docs/convergence.md and its picture, from the rows that `convergence.py` has found."""
+"""What docs/accuracy.md shows of elements and mesh levels, from the rows that `convergence.py` has found."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks import convergence
+from benchmarks.doc_parts import table_lines
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+CLAMPS = {"compliant": "clamp that yields", "sharp": "ideal clamp"}
+
+ELEMENTS = {
+    "t4": "t4: linear tetrahedra",
+    "t10": "t10: quadratic tetrahedra",
+    "h8": "h8: linear hexahedra",
+    "h8_mean": "h8_mean: the same, mean dilatation",
+    "h8_modes": "h8_modes: the same, incompatible modes",
+    "h20": "h20: quadratic, 8 points",
+    "h20_full": "h20_full: quadratic, 27 points",
+    "h27": "h27: quadratic, 27 nodes",
+}
+"""Names in the picture."""
 
 NAMES = {"L1": "L1 height", "L2": "L2 energy", "L3": "L3 shift", "L4": "L4 height", "L5": "L5 - L4 move"}
 
@@ -117,80 +131,69 @@ def reference_table(rows: list[Any]) -> list[str]:
     return lines
 
 
-def settings(rows: list[Any], reference: dict[str, float]) -> list[str]:
-    """Return the setting for real time within 5 % and the smallest within 1 %.
+def chosen(rows: list[Any], reference: dict[str, float]) -> dict[str, Any]:
+    """Return the row for real time within 5 %, and the smallest within 1 %, by what they are for.
 
     For real time that is the fastest of those timed at under 2 ms; where none is timed, the smallest.
     """
-    lines = []
+    found = {}
     near = [r for r in rows if r.unknowns <= convergence.TIMED and worst(r, reference) < 5]
     timed = [r for r in near if r.step < 2]
     if near:
-        r = min(timed or near, key=lambda r: (r.step if timed else r.unknowns, worst(r, reference)))
-        step = f"{r.step:.2f} ms a step" if timed else "not timed: `--times`"
-        lines.append(
-            f"- **Real time, within 5 % in all five:** `{r.element}` on level {r.level}, {r.unknowns} unknowns, "
-            f"worst error {worst(r, reference):.1f} %, {step}."
+        found["real time, within 5 %"] = min(
+            timed or near, key=lambda r: (r.step if timed else r.unknowns, worst(r, reference))
         )
     if exact := [r for r in rows if worst(r, reference) < 1]:
-        r = min(exact, key=lambda r: r.unknowns)
-        lines.append(
-            f"- **Accurate, within 1 % in all five:** `{r.element}` on level {r.level}, {r.unknowns} unknowns, "
-            f"worst error {worst(r, reference):.1f} %."
-        )
-    return lines or ["- None of the rows so far."]
+        found["within 1 %"] = min(exact, key=lambda r: r.unknowns)
+    return found
 
 
-def write(rows: list[Any]) -> None:
-    """Renew what lies between the markers of docs/convergence.md, and docs/images/convergence.png."""
+def settings(rows: list[Any], known: Mapping[str, dict[str, float]]) -> list[str]:
+    """Return which element and level to take with each clamp, as a Markdown table."""
+    lines = []
+    for clamp, name in CLAMPS.items():
+        for purpose, r in chosen([r for r in rows if r.clamp == clamp], known[clamp]).items():
+            step = f"{r.step:.2f}" if np.isfinite(r.step) else ""
+            error = f"{worst(r, known[clamp]):.1f}"
+            lines.append((name, purpose, f"`{r.element}`", r.level, r.unknowns, error, step))
+    heads = ("clamp", "for", "element", "mesh level", "unknowns")
+    return table_lines((*heads, "largest of five errors [%]", "time of a step [ms]"), lines)
+
+
+def parts(rows: list[Any]) -> dict[str, list[str]]:
+    """Return the parts of the page that are made of the rows, by name."""
     known = references(rows)
-    parts = {"reference": reference_table(rows)}
-    for clamp, reference in known.items():
-        own = [r for r in rows if r.clamp == clamp]
-        parts[clamp] = table(own, reference)
-        parts[f"{clamp}-settings"] = settings(own, reference)
-    path = DOCS / "convergence.md"
-    text = path.read_text()
-    for name, lines in parts.items():
-        begin, end = f"<!-- {name} -->\n", f"<!-- end {name} -->"
-        head, rest = text.split(begin)
-        text = head + begin + "\n".join(["", *lines, "", ""]) + end + rest.split(end)[1]
-    path.write_text(text)
-    draw(rows, known)
+    own = {clamp: [r for r in rows if r.clamp == clamp] for clamp in known}
+    tables = {clamp: table(own[clamp], reference) for clamp, reference in known.items()}
+    return {"reference": reference_table(rows), "settings": settings(rows, known), **tables}
 
 
-def draw(rows: list[Any], known: dict[str, dict[str, float]]) -> None:
-    """Draw the size of each error over the number of unknowns, one row of panels for each clamp."""
+def draw(rows: list[Any], path: Path) -> None:
+    """Draw the largest of the five errors over the number of unknowns, a panel for each clamp.
+
+    A line goes through the best mesh of at most so many unknowns.
+    """
     import matplotlib as mpl  # noqa: PLC0415 - only for the picture
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt  # noqa: PLC0415
 
-    figure, panels = plt.subplots(2, 5, figsize=(15, 6.4), sharex=True, sharey=True, layout="constrained")
-    colours = plt.get_cmap("tab10")
-    for line, (clamp, reference) in zip(panels, known.items(), strict=True):
-        for ax, (name, label) in zip(line, NAMES.items(), strict=True):
-            ax.axhspan(1e-3, 1, color="0.93", lw=0)
-            ax.axhline(5, color="0.7", lw=0.8, ls=":")
-            for i, element in enumerate(convergence.ELEMENTS):
-                own = [r for r in rows if (r.clamp, r.element) == (clamp, element)]
-                own = [r for r in own if np.isfinite(errors(r, reference)[name])]
-                own.sort(key=lambda r: r.unknowns)
-                for among, style in ((range(8), "o-"), (range(8, 12), "s--")):
-                    line_of = [r for r in own if r.level in among]
-                    sizes = [max(abs(errors(r, reference)[name]), 5e-3) for r in line_of]
-                    ax.loglog(
-                        [r.unknowns for r in line_of], sizes, style, ms=3, lw=1, color=colours(i),
-                        label=element if among.start == 0 else None,
-                    )  # fmt: skip
-            ax.set_title(f"{label}, {clamp} clamp", fontsize=10)
-            ax.grid(alpha=0.3)
-            ax.set_ylim(4e-3, 150)
-        line[0].set_ylabel("error [%]")
-    for ax in panels[1]:
-        ax.set_xlabel("unknowns")
-    figure.legend(
-        *panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=8, frameon=False
-    )
-    figure.savefig(DOCS / "images" / "convergence.png", dpi=90)
+    figure, panels = plt.subplots(1, 2, figsize=(11, 5.8), sharex=True, sharey=True, layout="constrained")
+    colours, known = plt.get_cmap("tab10"), references(rows)
+    for ax, (clamp, title) in zip(panels, CLAMPS.items(), strict=True):
+        ax.axhspan(1e-2, 1, color="0.93", lw=0)
+        ax.annotate("within 1 %", (0.02, 1), xycoords=("axes fraction", "data"), va="top", fontsize=9)
+        for i, (element, name) in enumerate(ELEMENTS.items()):
+            own = [
+                (r.unknowns, worst(r, known[clamp])) for r in rows if (r.clamp, r.element) == (clamp, element)
+            ]
+            size, error = np.array(sorted(pair for pair in own if np.isfinite(pair[1]))).T
+            ax.loglog(size, error, "o", ms=4, color=colours(i), label=name)
+            ax.step(size, np.minimum.accumulate(error), where="post", lw=1, color=colours(i))
+        ax.set(title=f"The Tripod at rest, {title}", xlabel="number of unknowns (more: finer mesh)")
+        ax.grid(alpha=0.3)
+        ax.set_ylim(0.08, 150)
+    panels[0].set_ylabel("largest of five errors [%]")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    figure.savefig(path, dpi=90)
     plt.close(figure)

@@ -1,7 +1,11 @@
-"""What scripts write into docs/: parts of pages, from `<!-- name -->` to `<!-- end name -->`; long tables as CSV."""
+"""What scripts write into docs/: parts of pages, from `<!-- name -->` to `<!-- end name -->`; long tables as CSV.
+
+A part that a script has measured is also the store of its figures: `evidence.py` reads them from there.
+"""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -16,6 +20,30 @@ def renewed(text: str, name: str, lines: Sequence[str]) -> str:
     return head + begin + "\n".join(["", *lines, "", ""]) + end + rest.partition(end)[2]
 
 
+def part(text: str, name: str) -> list[str]:
+    """Return the lines of the part `name` of a page. Raises ValueError as `renewed`."""
+    renewed(text, name, ())
+    return text.partition(f"<!-- {name} -->\n")[2].partition(f"<!-- end {name} -->")[0].strip().splitlines()
+
+
+def table_of(text: str, name: str) -> list[dict[str, str]]:
+    """Return the rows of the first table in the part `name` of a page, by the names of its columns."""
+    lines = part(text, name)
+    start = next(i for i, line in enumerate(lines) if line.startswith("|"))
+    rows = [cells(line) for line in takewhile(lambda line: line.startswith("|"), lines[start:])]
+    return [dict(zip(rows[0], row, strict=True)) for row in rows[2:]]
+
+
+def cells(line: str) -> list[str]:
+    """Return the cells of a line of a Markdown table."""
+    return [cell.strip() for cell in line.strip()[1:-1].split("|")]
+
+
+def folded(summary: str, lines: Sequence[str]) -> list[str]:
+    """Return lines in a block that opens when the reader clicks on its summary."""
+    return ['<details markdown="1">', f"<summary>{summary}</summary>", "", *lines, "", "</details>"]
+
+
 def write_part(page: str, name: str, lines: Sequence[str]) -> None:
     """Replace the part `name` of docs/`page` by `lines`; raises ValueError as `renewed`."""
     path = DOCS / page
@@ -24,7 +52,7 @@ def write_part(page: str, name: str, lines: Sequence[str]) -> None:
 
 def write_rows(file: str, case: str, table: Sequence[str]) -> None:
     """Replace the rows of `case` in docs/`file`, a CSV whose first column is the case, by those of a Markdown table."""
-    names, _, *rows = [[cell.strip() for cell in line.strip()[1:-1].split("|")] for line in table]
+    names, _, *rows = map(cells, table)
     path = DOCS / file
     kept = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))[1:] if path.exists() else []
     cases = list(dict.fromkeys([row[0] for row in kept] + [case]))
@@ -44,5 +72,10 @@ def read_rows(file: str) -> list[dict[str, str]]:
 
 def markdown(rows: Sequence[dict[str, str]], columns: Sequence[str]) -> list[str]:
     """Return rows as a Markdown table of some of their columns."""
-    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-    return lines + ["| " + " | ".join(row[name] for name in columns) + " |" for row in rows]
+    return table_lines(columns, [[row[name] for name in columns] for row in rows])
+
+
+def table_lines(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Return rows of cells as a Markdown table."""
+    head, *lines = ("| " + " | ".join(map(str, row)) + " |" for row in (heads, *rows))
+    return [head, "|" + "---|" * len(heads), *lines]

@@ -1,6 +1,6 @@
 """The scene `examples/emio.toml` against poses of the robot Emio, measured by its makers with a magnetic tracker.
 
-    python benchmarks/emio.py FILE
+    python benchmarks/emio.py FILE [--write]    # the first table into docs/reality.md
 
 FILE has the columns q0_rad .. q3_rad, the motors' angles, measured_x_mm, .y, .z, the tracker, and sofa_beam_x_mm, .y,
 .z, where the makers' own model has the platform; SOFA and Compliance Robotics, MIT licence. The data are not ours and
@@ -15,6 +15,7 @@ not here.
 """
 
 import argparse
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,9 @@ from tempfile import TemporaryDirectory
 import meshio
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+from benchmarks.doc_parts import write_part
 from tripod_identify.errors import FitError
 from tripod_identify.fit import Fit, Prior, fit
 from tripod_identify.identify import Wanted, identify
@@ -119,8 +123,8 @@ def limit(values: list[float]) -> float:
     return third + (third - second) ** 2 / ((second - first) - (third - second))
 
 
-def row(element: str, cells: str, own: Scene, data: Measured, held: Measured) -> float:
-    """Print the modulus that a mesh asks for, and what it leaves; return it [MPa]."""
+def row(element: str, cells: str, own: Scene, data: Measured, held: Measured) -> tuple[float, str]:
+    """Print the modulus that a mesh needs, and the errors with it; return it [MPa], and the row of the page."""
     begin = time.process_time()
     best, result = fitted(own, data)
     young, half = float(np.exp(result.u[0])) / 1e6, 100 * float(result.half[0])
@@ -132,27 +136,32 @@ def row(element: str, cells: str, own: Scene, data: Measured, held: Measured) ->
         f"| {element} | {cells} | {young:.2f} ± {half:.0f} % | {errors} | {by_one:.3f} | {spent:.0f} |",
         flush=True,
     )
-    return young
+    return young, f"| `{element}` | {cells.strip('[]').replace(',', ' x ')} | {young:.2f} | {errors} |"
 
 
-def meshes(data: Measured, held: Measured) -> None:
-    """Print the moduli that elements and meshes ask for."""
+def meshes(data: Measured, held: Measured) -> list[str]:
+    """Print the moduli that elements and meshes need; return the table of the page."""
     print("| element | cells | E [MPa] | fitted [mm] | held out [mm] | 1 % of E moves [mm] | CPU time [s] |")
     print("|---|---|---|---|---|---|---|")
     told = []
+    lines = ["| element | cells of a leg | E [MPa] | fitted [mm] | held out [mm] |", "|---|---|---|---|---|"]
     for element, every in MESHES.items():
         found = []
         for cells in every:
             own = load_scene(SCENE, [f"body.0.mesh.element={element}", f"body.0.mesh.cells={cells}"])
-            found.append(row(element, cells, own, data, held))
+            young, line = row(element, cells, own, data, held)
+            found.append(young)
+            lines.append(line)
         if len(found) > 2:
             told.append(f"{element}: edges along the legs halved for ever: {limit(found[-3:]):.2f} MPa")
     with TemporaryDirectory() as folder:
         for element, across in GRADED.items():
             path = graded(Path(folder), across)
             own = load_scene(SCENE, [f"body.0.mesh.element={element}", f"body.0.mesh.source={path}"])
-            row(element, f"[{across[0]},{across[1]},40] graded", own, data, held)
+            cells = f"{across[0]} x {across[1]} x 40, short beside the clamps"
+            lines.append(row(element, cells, own, data, held)[1])
     print("\n".join(["", *told, ""]))
+    return lines
 
 
 def beams(path: Path) -> None:
@@ -205,13 +214,16 @@ def main() -> None:
     parser.add_argument(
         "--every", type=int, default=16, help="one pose in so many is fitted, another one held out"
     )
+    parser.add_argument("--write", action="store_true", help="write docs/reality.md, too")
     given = parser.parse_args()
     scene = load_scene(SCENE)
     data = read(given.file, scene)
     number = np.arange(len(data.values)) % given.every
     used, held = data.rows(number == 0), data.rows(number == given.every // 2)
     print(f"{len(used.values)} poses fitted, {len(held.values)} held out\n")
-    meshes(used, held)
+    lines = meshes(used, held)
+    if given.write:
+        write_part("reality.md", "emio meshes", lines)
     beams(given.file)
     refused(scene, data.rows(np.arange(len(data.values)) % 4 == 0))
 

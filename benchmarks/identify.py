@@ -17,7 +17,7 @@ Writes a line of JSON for each robot, goes on where it stopped, and prints the t
 """
 
 import argparse
-import json
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,6 +25,10 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+from benchmarks.doc_parts import write_part
+from benchmarks.stored_rows import store, stored
 from tripod_host.arrays import FloatArray
 from tripod_identify.columns import Channel
 from tripod_identify.errors import FitError
@@ -139,7 +143,7 @@ def table(rows: list[dict]) -> str:
         f"{len(done)} robots; {failed} without a result, {skipped} whose poses had no rest; CPU time of an "
         f"identification {np.median(times):.1f} s median, {max(times):.1f} s at most.",
         "",
-        "| value | told in | intervals by noise hold the truth | with those of the mesh | median half width |",
+        "| value | found in | intervals from noise alone hold | with the error of the mesh | median half width |",
         "|---|---|---|---|---|",
     ]
     every: list[tuple[bool, bool]] = []
@@ -163,7 +167,10 @@ def table(rows: list[dict]) -> str:
     if moving:
         return "\n".join(lines)
     named = sum(bool(RATIOS & r["untold"].keys()) for r in done)
-    lines += ["", f"That modulus, mass and weight cannot be told apart is said for {named} of {len(done)}."]
+    lines += [
+        "",
+        f"In {named} of {len(done)} the report says that the poses cannot separate modulus, mass and weight.",
+    ]
     return "\n".join(lines)
 
 
@@ -173,14 +180,16 @@ def _share(held: list[tuple[bool, bool]], which: int) -> str:
 
 def robots(results: Path, count: int, one: Callable[[int], dict], first: int = 0) -> list[dict]:
     """Return all rows of the file, to which those of `count` robots from the seed `first` on are added by `one`."""
-    lines = results.read_text().splitlines() if results.exists() else []
-    rows = [json.loads(line) for line in lines]
+    rows = stored(results)
     for seed in sorted(set(range(first, first + count)) - {row["seed"] for row in rows}):
         rows.append(one(seed))
-        with results.open("a") as file:
-            file.write(json.dumps(rows[-1]) + "\n")
+        store(results, rows[-1])
         print(f"robot {seed - first + 1} of {count}", flush=True)
     return rows
+
+
+PARTS = ("poses", "poses more", "tetrahedra", "motion")
+"""Of the page."""
 
 
 def main() -> None:
@@ -196,14 +205,16 @@ def main() -> None:
     parser.add_argument(
         "--results", type=Path, default=Path("identify_robots.jsonl"), help="kept here, and gone on with"
     )
-    given = parser.parse_args()
-    print(
-        table(
-            robots(
-                given.results, given.robots, lambda seed: one(seed, given.truth, given.motion), given.first
-            )
-        )
+    parser.add_argument(
+        "--write", metavar="PART", choices=PARTS, help="write this part of docs/reality.md, too: %(choices)s"
     )
+    given = parser.parse_args()
+    made = table(
+        robots(given.results, given.robots, lambda seed: one(seed, given.truth, given.motion), given.first)
+    )
+    print(made)
+    if given.write:
+        write_part("reality.md", f"intervals {given.write}", made.splitlines())
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.doc_parts import write_part
 from benchmarks.identify import MODEL, TRUTHS, drawn, robot, robots, with_values
 from tripod_identify.bars import POSE, bars_of, linearised
 from tripod_identify.errors import FitError
@@ -105,7 +106,7 @@ def table(rows: list[dict]) -> str:
     lines = [
         f"{len(done)} robots, {len(rows) - len(done)} without a result; {count} targets, {made} of robots drawn from "
         "their posteriors; "
-        f"{np.median([r['cpu'] for r in done]):.2f} s of CPU time for the bars of one target.",
+        f"{np.median([r['cpu'] for r in done]):.2f} s of CPU time for the intervals of one target.",
         "",
         "| | x | y | z | all |",
         "|---|---|---|---|---|",
@@ -113,10 +114,13 @@ def table(rows: list[dict]) -> str:
     for name, title in (("posterior", "robots drawn from the posterior"), ("robot", "the robot itself")):
         ok = 100 * np.concatenate([np.array(r[name])[..., :3].reshape(-1, 3) for r in done])
         lines.append(
-            f"| bars hold {title} | " + " | ".join(f"{v:.0f} %" for v in (*ok.mean(axis=0), ok.mean())) + " |"
+            f"| intervals hold {title} | "
+            + " | ".join(f"{v:.0f} %" for v in (*ok.mean(axis=0), ok.mean()))
+            + " |"
         )
     for title, sizes in (
-        ("half a bar, median [mm]", np.median(half, axis=0)), ("of it by values alone [mm]", np.median(values, axis=0)),
+        ("half an interval, median [mm]", np.median(half, axis=0)),
+        ("of it by values alone [mm]", np.median(values, axis=0)),
         ("error of the model, rms [mm]", np.sqrt((plain**2).mean(axis=0))),
         ("the same with the expected shift [mm]", np.sqrt((error**2).mean(axis=0))),
     ):  # fmt: skip
@@ -137,11 +141,14 @@ def main() -> None:
     parser.add_argument(
         "--results", type=Path, default=Path("ik_bars.jsonl"), help="kept here, and gone on with"
     )
+    parser.add_argument("--write", action="store_true", help="write docs/reality.md, too")
     given = parser.parse_args()
     made = robots(
         given.results, given.robots, lambda seed: one(seed, given.truth, given.targets, given.drawn)
     )
     print(table(made))
+    if given.write:
+        write_part("reality.md", "bars", table(made).splitlines())
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How inverse kinematics goes round circles that leave what can be reached.
 
     python benchmarks/ik_circles.py                  # quick: three circles, copies of one, a minute or two
-    python benchmarks/ik_circles.py --full --write   # all of docs/inverse_kinematics.md, half an hour of CPU time
+    python benchmarks/ik_circles.py --full --write   # all of the page, half an hour of CPU time
     python benchmarks/ik_circles.py --slides 12 --heights 0 --radii 8 10 --copies 0 --moving
     python benchmarks/ik_circles.py --slides 0 --radii --heights --copies 0 --moving --goals 12   # goals at random
 
@@ -11,10 +11,10 @@ the goals of a horizontal circle about where the effector starts, 12 goals one a
 
 - speed: the largest of the resting effector [m/s]; snaps: moves from one command to the
   next that have no equilibria between them, followed in as little as a 300th of the move;
-- met: goals met to 0.1 mm; longest: time to one of these [s], the pathfinder's CPU time with it;
-- off: how far off others the effector stays [mm], at least and at most; by: what keeps it there; search: how much
-  farther at most that is than what an independent search finds [mm]: a flood over all angles from the start pose,
-  SciPy's SLSQP from the nearest of it (`tests/ik/search.py`), within the same angles, torques and firmness. It is asked
+- reached: goals reached to 0.1 mm; longest: time to one of these [s], the pathfinder's CPU time with it;
+- others: how far from the others the effector stays [mm], at least and at most; limited by: what keeps it there;
+  search: how much further at most that is than what an independent search finds [mm]: a flood over all angles, then
+  SLSQP from the nearest pose of it (`tests/ik/search.py`), within the same angles, torques and firmness. It is asked
   for one goal of those that are images of each other; apart: how far the answers to these differ in distance [mm].
 
 Copies: circles at random, begun anywhere, each rotated by thirds of a turn and mirrored: six times the same goals. How
@@ -33,7 +33,9 @@ goes on. Change of the code means another file.
 
 import argparse
 import json
+import re
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -44,7 +46,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 
 # isort: split
 import numpy as np
-from doc_parts import write_part
+from doc_parts import DOCS, write_part
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -395,14 +397,32 @@ class Slide:
 
 
 HEADS = {
-    "circles": ["| slide, height, radius [mm] | speed | snaps | met | longest | off | by | search | apart |",
-                "|---|---|---|---|---|---|---|---|---|"],
-    "copies": ["| slide, height, radius, begun at | copies | met | answers apart [mm] |", "|---|---|---|---|"],
-    "goals": ["| slide [mm] | goals | met | farthest off [mm] | farther than the search by [mm] | closer by [mm] |",
+    "circles": ["| slide, height, radius [mm] | speed [m/s] | snaps | reached | longest [s] | others: distance [mm] | "
+                "limited by | search [mm] | apart [mm] |", "|---|---|---|---|---|---|---|---|---|"],
+    "copies": ["| slide, height, radius, start | copies | reached | answers differ by [mm] |", "|---|---|---|---|"],
+    "goals": ["| slide [mm] | goals | reached | largest distance [mm] | further than the search [mm] | closer [mm] |",
               "|---|---|---|---|---|---|"],
-    "moving": ["| slide, height, radius [mm] | speed [m/s] | met | longest [s] | others, off by [mm] |",
+    "moving": ["| slide, height, radius [mm] | speed [m/s] | reached | longest [s] | others: distance [mm] |",
                "|---|---|---|---|---|"],
 }  # fmt: skip
+PAGE = "inverse_kinematics_measured.md"
+
+
+def summary(text: str) -> str:
+    """Return what the tables of circles in a page show, in one sentence for each table."""
+    said = []
+    for name, where in (("moving", "In the dynamic simulator"), ("circles", "In the quasi-static model")):
+        part = text.partition(f"<!-- ik circles: {name} -->")[2].partition("<!-- end")[0]
+        columns, _, *rows = (line.strip("| ").split(" | ") for line in part.strip().splitlines())
+        of = {head: [row[k] if k < len(row) else "" for row in rows] for k, head in enumerate(columns)}
+        reached, all_of = np.sum([[int(n) for n in cell.split(" of ")] for cell in of["reached"]], axis=0)
+        others = [float(d) for cell in of["others: distance [mm]"] for d in re.findall(r"[\d.]+", cell)]
+        longest, fastest = (max(map(float, of[head])) for head in ("longest [s]", "speed [m/s]"))
+        said.append(
+            f"{where} the robot reaches {reached} of {all_of} goals, each within {longest:.1f} s. It ends within "
+            f"{max(others, default=0.0):.1f} mm of the others. The fastest effector has {fastest:.2f} m/s."
+        )
+    return " ".join(said)
 
 
 def main() -> None:
@@ -419,7 +439,7 @@ def main() -> None:
     parser.add_argument("--moving", nargs="*", type=float, help="radii [mm]")
     parser.add_argument("--search", action="store_true", help="compare with the independent search")
     parser.add_argument("--keep", type=Path, help="file of what is measured")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/inverse_kinematics.md")
+    parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{PAGE}")
     chosen, full = parser.parse_args(), {
         "radii": [6, 8, 10, 12], "slides": [0, 35, 12, 23], "heights": [0, 2, -2], "copies": 5, "goals": 12,
         "moving": [6, 8, 10, 12],
@@ -446,7 +466,9 @@ def main() -> None:
         tables["moving"] += slide.moving(chosen.heights, chosen.moving)
     if chosen.write:
         for name, rows in ((name, rows) for name, rows in tables.items() if rows):
-            write_part("inverse_kinematics.md", f"ik circles: {name}", [*HEADS[name], *rows])
+            write_part(PAGE, f"ik circles: {name}", [*HEADS[name], *rows])
+        sentences = summary((DOCS / PAGE).read_text(encoding="utf-8"))
+        write_part(PAGE, "ik circles: summary", textwrap.wrap(sentences, 118))
 
 
 if __name__ == "__main__":

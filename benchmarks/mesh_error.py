@@ -337,8 +337,8 @@ def main() -> None:
         return
     print(f"calibration: 1000 x 1000 product {1e3 * calibration():.1f} ms")
     head = [
-        "mesh", "of", "known", "true error [mm], median", "effectivity within 0.5 to 2", "or 0.02 mm off",
-        "effectivity", "soft", "within 0.5 to 2 of the others",
+        "mesh", "of", "known", "true error [mm], median", "estimate / true error within 0.5 to 2", "or 0.02 mm off",
+        "estimate / true error", "soft", "within 0.5 to 2 of the others",
     ]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for k, case in enumerate(CASES):

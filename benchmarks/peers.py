@@ -3,14 +3,13 @@
 Cases and what is measured: see `peers_cases.py`. Peers are an optional extra, `pip install 'tripod[peers]'`; one that
 is missing gives rows that say so. Each simulator and case runs in a process of its own on one thread; CPU time is that
 of the whole process while it steps, without building the model and compiling kernels. What is done is kept in
-docs/peers.json and not computed again, so the command can be stopped and repeated; then docs/peers.md and its picture
-are renewed.
+docs/peers.json and not computed again, so the command can be stopped and repeated; then `python benchmarks/evidence.py`
+renews docs/peers.md.
 
     python benchmarks/peers.py                                    # all that is missing: some minutes, a quiet machine
     python benchmarks/peers.py --quick                            # one setting of each simulator and case
     python benchmarks/peers.py --cases cloth "y L1" --peers tripod MuJoCo
     python benchmarks/peers.py --fresh                            # measure everything again
-    python benchmarks/peers.py --report                           # only the document and the picture
 """
 
 import argparse
@@ -245,7 +244,7 @@ def compute(
 
 
 def main() -> None:
-    """Compute what is missing and renew the document."""
+    """Compute what is missing."""
     if "--worker" in sys.argv:
         peer, case, names = sys.argv[2:5]
         reference = json.load(sys.stdin)
@@ -263,7 +262,6 @@ def main() -> None:
     )
     parser.add_argument("--quick", action="store_true", help="one setting of each simulator and case")
     parser.add_argument("--fresh", action="store_true", help="forget what is stored of these cases and peers")
-    parser.add_argument("--report", action="store_true", help="only renew the document and the picture")
     options = parser.parse_args()
     found = read(STORE)
     if options.fresh:
@@ -274,14 +272,10 @@ def main() -> None:
             found["references"] = {k: v for k, v in found["references"].items() if k not in options.cases}
     print(f"1000 x 1000 float64 product, one thread: {1e3 * calibration():.1f} ms")
     try:
-        if not options.report:
-            compute(found, options.cases, options.peers, quick=options.quick, store=STORE)
+        compute(found, options.cases, options.peers, quick=options.quick, store=STORE)
     except KeyboardInterrupt:
         print("\nstopped; what is done is kept, the same command goes on", file=sys.stderr)
         sys.exit(130)
-    from benchmarks import peers_report  # noqa: PLC0415 - matplotlib is needed only here
-
-    print(peers_report.write(found))
 
 
 if __name__ == "__main__":

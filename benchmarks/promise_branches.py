@@ -1,7 +1,7 @@
 """Why the Tripod at rest errs by far more in some cases than in others: whether there is a second equilibrium.
 
     python benchmarks/promise_branches.py            # prints the table
-    python benchmarks/promise_branches.py --write    # into docs/accuracy_promise.md
+    python benchmarks/promise_branches.py --write    # into docs/accuracy.md
 
 A case of `accuracy_promise.py --only tripod_static` is a pose, and another after servo 0 has moved. Both are reached
 here from several sides as well, `WAYS`, in ten parts each, on the mesh that is picked for 5 % and on the one that cases
@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
-    parser.add_argument("--write", action="store_true", help="into docs/accuracy_promise.md")
+    parser.add_argument("--write", action="store_true", help="into docs/accuracy.md")
     options = parser.parse_args(arguments)
     study = read_study(STUDY)
     picked, fine = pick(study, 0.05, None), reference_of(study, ())
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(table[-1])
     if options.write:
         write_part(
-            "accuracy_promise.md",
+            "accuracy.md",
             "branches",
             [*table, "", "`python benchmarks/promise_branches.py --write`."],
         )

@@ -1,22 +1,22 @@
-"""The table of accuracy_promise.py in its document: rows of studies that were run are new, the others stay."""
+"""The table of accuracy_promise.py in its page: rows of studies that were run are new, the others stay."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
+from benchmarks.doc_parts import cells, part, renewed
 from benchmarks.promise_cases import KINDS
 
-MARK, END = "## Measured", "<!-- end -->"
+PAGE, PART = "accuracy.md", "promise"
 
 HEADS = (
     "study",
-    "asked",
+    "requested",
     "setting",
-    "its error in the study [%]",
-    "of the study's reference [%]",
+    "error in the study [%]",
+    "error of its reference [%]",
     "cases",
-    "under the asked [%]",
+    "within the request [%]",
     "median error [%]",
-    "95 % of cases under [%]",
+    "95 % of cases below [%]",
     "worst [%]",
     "factor",
     "margin",
@@ -32,9 +32,8 @@ def percent(error: float) -> str:
 
 
 def rows_of(text: str) -> list[list[str]]:
-    """Return the rows that a document has."""
-    lines = text.partition(MARK)[2].partition(END)[0].splitlines()
-    found = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    """Return the rows that a page has."""
+    found = [cells(line) for line in part(text, PART) if line.startswith("|")]
     return [row for row in found if len(row) == len(HEADS) and row[0] in KINDS]
 
 
@@ -46,19 +45,18 @@ def merged(old: Sequence[list[str]], new: Sequence[list[str]]) -> list[list[str]
     )
 
 
-def written(text: str, new: Sequence[list[str]], speed: str, path: Path | None = None) -> str:
-    """Return a document with its table renewed; without a `path` the table alone.
+def table(rows: Sequence[list[str]], speed: str) -> list[str]:
+    """Return rows as a Markdown table, with a line on the machine."""
+    return ["| " + " | ".join(row) + " |" for row in ([*HEADS], ["---"] * len(HEADS), *rows)] + ["", speed]
+
+
+def written(text: str, new: Sequence[list[str]], speed: str) -> str:
+    """Return a page with its table renewed.
 
     Args:
-        text: Of the document.
+        text: Of the page.
         new: Rows of the studies that were run.
         speed: A line on this machine.
-        path: Of the document.
     """
-    table = [list(HEADS), ["---"] * len(HEADS), *merged(rows_of(text), new)]
-    made = ["| " + " | ".join(row) + " |" for row in table] + ["", speed]
-    if path is None:
-        return "\n".join(made)
-    head, _, rest = text.partition(MARK)
-    command = f"`python benchmarks/accuracy_promise.py --write {path}` wrote this:"
-    return "\n".join([f"{head}{MARK}", "", command, "", *made, "", f"{END}{rest.partition(END)[2]}"])
+    command = "`python benchmarks/accuracy_promise.py --write`"
+    return renewed(text, PART, table(merged(rows_of(text), new), f"{speed} {command}"))

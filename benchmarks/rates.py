@@ -4,7 +4,7 @@ Plays the demo with a browser's share of the page, listens to every topic with a
 each: declared and found rate; CPU time of each process over wall time; median and 99th percentile of the simulator's
 steps, each of a second, as `sim/status` tells them; what others took of the processors meanwhile. The exit code is 1 if
 a rate is further than 5 % from the declared one. `--busy N` keeps N processors busy meanwhile, `--minutes` says how
-long to look, `--write docs/speed.md` puts the tables there.
+long to look, `--write` puts the tables into docs/speed.md.
 """
 
 import argparse
@@ -25,13 +25,13 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
 from benchmarks.calibration import busy
+from benchmarks.doc_parts import write_part
 from benchmarks.soak import PATIENCE, group, start, wait_for_all
 from tripod_graph import names
 from tripod_graph.loopback import keep_local
 from tripod_graph.qos import RELIABLE, SENSOR
 
 ALLOWED = 0.05
-BEGIN, END = "<!-- rates -->", "<!-- end rates -->"
 SETTLING = 10.0
 """Left out at the beginning, while the page is sent [s]."""
 
@@ -202,21 +202,12 @@ def lines(found: Found, ear: Ear) -> Iterator[str]:
     )
 
 
-def write(path: Path, body: str) -> None:
-    """Put tables between the marks of a document."""
-    before, begin, rest = path.read_text().partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise SystemExit(f"{path}: the marks {BEGIN} and {END} are missing")
-    path.write_text(f"{before}{BEGIN}\n\n{body}\n\n{END}{after}")
-
-
 def main() -> int:
     """Run it; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long to look")
     parser.add_argument("--busy", type=int, default=0, help="processors kept busy meanwhile")
-    parser.add_argument("--write", type=Path, help="put the tables into this document, between its marks")
+    parser.add_argument("--write", action="store_true", help="write the tables to docs/speed.md, too")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place, busy(options.busy):
         log = Path(place) / "log"
@@ -235,7 +226,7 @@ def main() -> int:
     body = "\n".join(lines(found, ear))
     print(body)
     if options.write:
-        write(options.write, body)
+        write_part("speed.md", "rates", body.splitlines())
     return 1 if far(found) else 0
 
 

@@ -22,14 +22,14 @@ TRIPOD = Path(sys.executable).with_name("tripod")
 
 QUICK: dict[str, tuple[str, ...]] = {
     "--version": ("--version",),
-    "scenes": ("scenes",),
-    "maze": ("maze", "random:7"),
+    "print scene": ("print", "scene"),
+    "print maze": ("print", "maze", "random:7"),
     "run": ("run", "tripod", "--duration", "20", "--out", "run.npz"),
     "run --json": ("run", "silicone", "--json"),
     "ik --target": ("ik", "--target", "0.005 0 -0.006"),
     "reach": ("reach", "--count", "3", "--out", "reach.csv"),
-    "path": ("path", "missing.csv"),
-    "solve": ("solve", "holes"),
+    "play a path": ("play", "missing.csv"),
+    "play": ("play", "holes"),
     "explain": ("explain", "silicone"),
     "study": ("study", "pendulum", "--quick", "--out", "studies"),
     "doctor": ("doctor",),
@@ -40,15 +40,15 @@ QUICK: dict[str, tuple[str, ...]] = {
 NODES: dict[str, tuple[str, ...]] = {
     "sim": ("sim",),
     "ik": ("ik",),
-    "driver": ("driver", "port:=mock"),
-    "view": ("view", "port:=0"),
-    "record": ("record", "directory:=recordings"),
-    "solve --live": ("solve", "--live"),
+    "driver": ("driver", "--set", "port=mock"),
+    "view": ("view", "--set", "port=0"),
+    "record": ("record", "--set", "directory=recordings"),
+    "play --live": ("play", "--live"),
 }
 """Commands that run until they are told to stop."""
 
 OWN_CODES = (0, 1, 2)
-"""Of a command that ended by itself before the signal came: `doctor` finds faults, `path` and `bag info` no file."""
+"""Of a command that ended by itself before the signal came: `doctor` finds faults, `play` and `bag info` no file."""
 
 WELL = "well"
 GRACE = 120.0

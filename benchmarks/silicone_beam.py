@@ -1,6 +1,6 @@
 """The scene `examples/silicone_beam.toml` against the motion capture of Dubied et al. (arXiv 2201.12560).
 
-    python benchmarks/silicone_beam.py FOLDER
+    python benchmarks/silicone_beam.py FOLDER [--write]    # into docs/reality.md
 
 FOLDER holds `free_0g.csv` and `free_52g.csv`: time [s], three markers on the tip (x up, z along the beam) [mm]; a
 beam of Dragon Skin 10, held and let go, without load and with 52 g at the upper edge of its free end. The data are not
@@ -13,11 +13,15 @@ known to 2 mm only.
 """
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+from benchmarks.doc_parts import write_part
 from tripod_identify.columns import Channel
 from tripod_identify.fit import fit
 from tripod_identify.identify import Wanted, beginning, identify
@@ -93,19 +97,26 @@ def main() -> None:
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", choices=("rest", "motion"))
+    parser.add_argument("--write", action="store_true", help="write docs/reality.md, too")
     given = parser.parse_args()
     scene = load_scene(SCENE)
     files = {name: read(given.folder, name, scene) for name in ("free_0g", "free_52g")}
-    if given.only != "motion":
-        rests(files)
+    made = {} if given.only == "motion" else {"beam rest": rests(files)}
     if given.only != "rest":
-        motions(files)
+        made |= motions(files)
+    for name, lines in made.items():
+        print("\n".join(["", *lines]))
+        if given.write:
+            write_part("reality.md", name, lines)
 
 
-def rests(files: dict[str, Measured]) -> None:
+def rests(files: dict[str, Measured]) -> list[str]:
+    """Return as a table the modulus from the rest with 52 g by mesh, and the sag that it predicts of other rests."""
     data = rest_of(files["free_52g"])
-    print("modulus from the rest with 52 g [kPa], and what it tells of other rests [mm]\n")
-    print("| element | cells | E | without load: told, measured | with 102 g: told |\n|---|---|---|---|---|")
+    lines = [
+        "| element | cells | E [kPa] | sag without load: simulated, measured [mm] | sag with 102 g: simulated [mm] |",
+        "|---|---|---|---|---|",
+    ]
     for element, meshes in MESHES.items():
         for cells in meshes:
             words = [f"mesh.element={element}", f"mesh.cells={cells}"]
@@ -117,10 +128,12 @@ def rests(files: dict[str, Measured]) -> None:
             told, seen = 1e3 * told_rest(unloaded), 1e3 * sinking(rest_of(files["free_0g"]))
             heavy = load_scene(SCENE, [*words, "load.0.mass=0.102", f"material.young={young}"])
             row = f"{young / 1e3:.1f} | {told:.2f}, {seen:.2f} | {1e3 * told_rest(heavy):.2f}"
-            print(f"| {element} | {cells} | {row} |", flush=True)
+            lines.append(f"| `{element}` | {cells} | {row} |")
+    return lines
 
 
-def motions(files: dict[str, Measured]) -> None:
+def motions(files: dict[str, Measured]) -> dict[str, list[str]]:
+    """Return as tables what is fitted to the motion with 52 g, and what is simulated with it beside measurements."""
     scene = load_scene(SCENE)
     data = cut(files["free_52g"])
     wanted = Wanted(("material.young", "damping.stiffness", "start"), "translation")
@@ -133,28 +146,45 @@ def motions(files: dict[str, Measured]) -> None:
             f"{longer[f.parameter.name]:.1f} times as long as if no error had to do with another"
         )
     print(f"fitted: {result.after.distance}")
+    fitted = ["| value | on this mesh | without the error of mesh and steps |", "|---|---|---|"]
+    for f, size, unit in zip(result.found[:2], (1e-3, 1e3), ("kPa", "ms"), strict=True):
+        ranges = ((f.value, f.high - f.low), (f.true, f.true_high - f.true_low))
+        text = " | ".join(f"{size * value:.3g} ± {0.5 * size * wide:.1g} {unit}" for value, wide in ranges)
+        fitted.append(f"| `{f.parameter.name}` | {text} |")
     young, damping = (f.value for f in result.found[:2])
     words = [f"material.young={young}", f"damping.stiffness={damping}"]
     told = heights(data, result.every.aligned.values)
     seen = heights(data, data.values)
     both = frequency(data.times, told), frequency(data.times, seen)
-    print(f"52 g, fitted: frequency told {both[0]:.3f}, measured {both[1]:.3f} Hz")
     free = load_scene(SCENE, [*words, "load=off"])
     other = cut(files["free_0g"])
     shown = identify(free, other, POINTS, Wanted(("start",), "translation", mesh=False))
     told, seen = heights(other, shown.every.aligned.values), heights(other, other.values)
-    print(f"0 g, foretold: {shown.every.distance}")
-    print(
-        f"0 g, foretold: frequency {frequency(other.times, told):.3f}, measured {frequency(other.times, seen):.3f} Hz"
-    )
-    for name, more in (("free_0g", "load=off"), ("free_52g", "load.0.mass=0.052"), ("", "load.0.mass=0.102")):
-        sunk = 1e3 * told_rest(load_scene(SCENE, [*words, more]))
-        was = f"measured {1e3 * sinking(rest_of(files[name])):.2f}" if name else "not measured here"
-        print(f"rest, {more}: told {sunk:.2f} mm, {was}")
+    print(f"0 g, predicted: {shown.every.distance}")
+    lines = [
+        "| quantity | simulated | measured |",
+        "|---|---|---|",
+        f"| frequency with 52 g (fitted) | {both[0]:.2f} Hz | {both[1]:.2f} Hz |",
+        f"| frequency without load | {frequency(other.times, told):.2f} Hz | {frequency(other.times, seen):.2f} Hz |",
+    ]
+    for load, name, more in (
+        ("with 52 g", "free_52g", "load.0.mass=0.052"),
+        ("without load", "free_0g", "load=off"),
+    ):
+        sunk, was = told_rest(load_scene(SCENE, [*words, more])), sinking(rest_of(files[name]))
+        lines.append(f"| sag {load} | {1e3 * sunk:.1f} mm | {1e3 * was:.1f} mm |")
     heavy = load_scene(SCENE, [*words, "load.0.mass=0.102"])
     grid = Measured(np.arange(0, 2.0, 0.005), None, None, UP, np.zeros((400, 3)))
     swung = heights(grid, predict(plainly(heavy), grid, POINTS))
-    print(f"102 g, foretold: frequency {frequency(grid.times, swung):.3f} Hz")
+    distances = [found.distance for found in (result.after, shown.every)]
+    off = [1e3 * distance.rms for distance in distances if distance]
+    lines += [
+        "",
+        f"Places of the markers in motion, root mean square: {off[0]:.1f} mm off with 52 g, {off[1]:.1f} mm without",
+        f"load. Predicted for 102 g, not measured here: {frequency(grid.times, swung):.2f} Hz, "
+        f"{1e3 * told_rest(heavy):.1f} mm.",
+    ]
+    return {"beam fit": fitted, "beam comparison": lines}
 
 
 if __name__ == "__main__":

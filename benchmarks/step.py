@@ -4,7 +4,7 @@ The motion is the demo's: from the working pose, the three servos swing by 0.15 
 period apart. CPU time of one thread. The same steps run several times, to the same bits: `median`, `p99` and `ratio`,
 p99 over median, are of all steps of all runs as the clock told them; `own` is the ratio where of each step the shortest
 time of all runs counts; `machine` is the ratio of a matrix product of the same length that runs after each step: what
-of `ratio` is the machine's. `python benchmarks/step.py --help` lists the options.
+of `ratio` is the machine's. `--write` puts a table into docs/speed.md.
 """
 
 import argparse
@@ -14,11 +14,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from calibration import calibration  # it sets the number of threads, so it comes before NumPy
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+from benchmarks.calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
 # isort: split
 import numpy as np
 
+from benchmarks.doc_parts import write_part
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 
@@ -128,6 +131,27 @@ def process_start() -> float:
     return float(found.stdout)
 
 
+PAGE = (
+    "| scene | step | unknowns | median [ms] | 99th percentile [ms] | SOFA [ms] |",
+    "|---|---|---|---|---|---|",
+)
+
+
+def page_row(scene: str, level: int, row: dict[str, float]) -> str:
+    """Return a row of the table of the page."""
+    if scene == "tripod_sofa":
+        name = f"`tripod_sofa`, level {level}"
+    elif scene == "tripod":
+        name = f"`tripod`, level {level}, h20"
+    else:
+        name = f"`tripod`, level {level}, ideal clamp" + (", draft" if level == 2 else "")
+    dt = load_scene(scene).dt
+    sofa = f"{SOFA[level]:g}" if scene == "tripod_sofa" else ""
+    return (
+        f"| {name} | {1e3 * dt:g} ms | {row['unknowns']} | {row['median']:.2f} | {row['p99']:.2g} | {sofa} |"
+    )
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
@@ -143,13 +167,16 @@ def main() -> None:
         help="mesh levels of `tripod` (default 1 2 3 4)",
     )
     parser.add_argument("--mode", default="one_solve", help="solver.mode: one_solve (default) or newton")
+    parser.add_argument("--write", action="store_true", help="write docs/speed.md, too")
     options = parser.parse_args()
-    print(f"1000 x 1000 float64 product, one thread: {1e3 * calibration():.1f} ms")
+    product = calibration()
+    print(f"1000 x 1000 float64 product, one thread: {1e3 * product:.1f} ms")
     print(
         f"solver.mode {options.mode}; CPU time of one thread [ms]; ratio: p99 over median, own: of the shortest times, "
         "machine: of a product of that length; first: of the first step, the longest"
     )
     print("  ".join(f"{c:>10}" for c in ("scene", "level", *COLUMNS, "compliance", "SOFA")))
+    lines = list(PAGE)
     rows = [
         ("tripod", 8),
         *((SHARP, level) for level in options.levels),
@@ -163,11 +190,19 @@ def main() -> None:
         cells += [f"{row[c]:.3f}" for c in (*COLUMNS[3:], "compliance")]
         cells.append(f"{SOFA[level]:g}" if scene == "tripod_sofa" else "")
         print("  ".join(f"{c:>10}" for c in cells), flush=True)
+        lines.append(page_row(scene, level, row))
     print(
         "solves: linear solves a step; renewed: share of steps with a new factorisation; SOFA: a step there [ms]"
     )
     process_start()
-    print(f"second process, first import to end of first step (tripod): {process_start():.2f} s")
+    second = process_start()
+    print(f"second process, first import to end of first step (tripod): {second:.2f} s")
+    if options.write:
+        note = (
+            f"One thread; a 1000 x 1000 float64 product took {1e3 * product:.0f} ms beside it. A second process takes "
+            f"{second:.1f} s from the first import to the end of its first step."
+        )
+        write_part("speed.md", "steps", [*lines, "", note])
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ Whether a run promises its accuracy is read from its notes, as a user reads it.
 """
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -29,7 +28,8 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 import numpy as np
 
 import tripod_sim
-from benchmarks.doc_parts import write_part
+from benchmarks.doc_parts import table_lines, write_part
+from benchmarks.stored_rows import store, stored
 from tripod_sim import Simulation, StepError, load_scene
 
 ACCURACIES = (0.1, 0.05, 0.02)
@@ -335,10 +335,16 @@ def judged(row: dict[str, Any]) -> bool:
 
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the table of the page."""
-    lines = [
-        "| scenes | judged | chaotic | promised | of these kept | others kept | worst error over the accuracy |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    heads = (
+        "scenes",
+        "judged",
+        "chaotic",
+        "promised",
+        "of these kept",
+        "others kept",
+        "worst error over the accuracy",
+    )
+    lines = []
     groups = [[kind] for kind in KINDS] + [list(KINDS)]
     for kinds in groups:
         own = [row for row in rows if row["kind"] in kinds]
@@ -353,11 +359,9 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             for promised in (True, False)
         ]
         words = [f"{w:.2g}{'' if p else ' (not promised)'}" for w, p in zip(worst, (1, 0), strict=True) if w]
-        lines.append(
-            f"| {name} | {len(known)} | {len(own) - len(known)} | {len(given)} | {kept[0]} | "
-            f"{kept[1] - kept[0]} of {len(known) - len(given)} | {', '.join(words)} |"
-        )
-    return lines
+        others = f"{kept[1] - kept[0]} of {len(known) - len(given)}"
+        lines.append((name, len(known), len(own) - len(known), len(given), kept[0], others, ", ".join(words)))
+    return table_lines(heads, lines)
 
 
 def missing(rows: Sequence[dict[str, Any]], scenes: int) -> tuple[str, int] | None:
@@ -383,19 +387,13 @@ def main() -> None:
     parser.add_argument("--report", action="store_true", help="print the table of the results alone")
     parser.add_argument("--write", action="store_true", help="write the table to docs/time_error.md, too")
     options = parser.parse_args()
-    options.results.parent.mkdir(parents=True, exist_ok=True)
-    rows = (
-        [json.loads(line) for line in options.results.read_text().splitlines()]
-        if options.results.exists()
-        else []
-    )
+    rows = stored(options.results)
     if not options.report:
         print(f"calibration: 1000 x 1000 product {1e3 * calibration():.1f} ms", flush=True)
         while found := missing(rows, options.scenes):
             kind, number = found
             rows.append(measure(kind, options.seed + number, options.results.parent))
-            with options.results.open("a") as out:
-                out.write(json.dumps(rows[-1]) + "\n")
+            store(options.results, rows[-1])
             print(rows[-1], flush=True)
     print("\n".join(["", *table(rows)]))
     if options.write:

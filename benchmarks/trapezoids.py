@@ -1,17 +1,23 @@
 """How much too little a bar of trapezoids bends, and what `tripod run` says of it beforehand.
 
-    python benchmarks/trapezoids.py
+    python benchmarks/trapezoids.py [--write]    # into docs/verification.md
 
 A bar with a force at its tip, nu = 0; the inner faces across it lean over by the tilt, one to the right and the next to
 the left. Cells along it and through its thickness; deflections over Timoshenko's; `told`: by `tripod_sim.mesh.bending`.
 """
 
+import argparse
 import math
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
 import numpy as np
 
 from benchmarks.analytic import HEIGHT, INERTIA, LENGTH, SHEAR, YOUNG, bar, tangent
 from benchmarks.blocks import elastic
+from benchmarks.doc_parts import write_part
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.mesh.bending import bending
 from tripod_sim.mesh.convert import convert
@@ -51,8 +57,11 @@ def deflection(mesh: SolidMesh) -> float:
 
 def main() -> None:
     """Print the table."""
-    print(f"| cells | length / height | tilt [degrees] | h8_modes | told | {' | '.join(OTHERS)} |")
-    print("|" + "---|" * (5 + len(OTHERS)))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help="write docs/verification.md, too")
+    options = parser.parse_args()
+    lines = [f"| cells | length / height | tilt [degrees] | h8_modes | note | {' | '.join(OTHERS)} |"]
+    lines.append("|" + "---|" * (5 + len(OTHERS)))
     for cells, thick in BARS:
         ratio = LENGTH / cells / (HEIGHT / thick)
         for tilt in TILTS:
@@ -64,7 +73,10 @@ def main() -> None:
             assert told, "small enough"
             right, *others = (f"{100 * (share - 1):+.0f} %" for share in (deflection(mesh), *others))
             columns = " | ".join((right, f"{-100 * told.low:+.0f} to {-100 * told.high:+.0f} %", *others))
-            print(f"| {cells} x {thick} | {ratio:.2g} | {tilt} | {columns} |", flush=True)
+            lines.append(f"| {cells} x {thick} | {ratio:.2g} | {tilt} | {columns} |")
+    print("\n".join(lines))
+    if options.write:
+        write_part("verification.md", "trapezoids", lines)
 
 
 if __name__ == "__main__":

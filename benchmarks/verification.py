@@ -12,6 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
 from benchmarks import analytic, calculix
+from benchmarks.doc_parts import write_part
 
 ELEMENTS = ("h8_modes", "t10", "h20", "h20_full", "h27", "h8", "h8_mean", "t4")
 
@@ -57,12 +58,18 @@ def main() -> None:
     )
     parser.add_argument("--level", type=int, default=1, help="mesh level of the load cases (default 1)")
     parser.add_argument("--only", choices=("analytic", "calculix"), help="one of the two tables")
+    parser.add_argument("--write", action="store_true", help="write docs/verification.md, too")
     options = parser.parse_args()
+    made = {}
     if options.only != "calculix":
-        print("Found over known, difference in percent:\n\n" + "\n".join(analytic_table()) + "\n")
+        made["analytic"] = analytic_table()
+        print("Found over known, difference in percent:\n\n" + "\n".join(made["analytic"]) + "\n")
     if options.only != "analytic":
-        print("Against CalculiX, in percent of the largest displacement:\n")
-        print("\n".join(calculix_table(options.level)))
+        made["calculix"] = calculix_table(options.level)
+        print("Against CalculiX, in percent of the largest displacement:\n\n" + "\n".join(made["calculix"]))
+    if options.write:
+        for name, lines in made.items():
+            write_part("verification.md", name, lines)
 
 
 if __name__ == "__main__":

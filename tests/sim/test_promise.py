@@ -11,7 +11,7 @@ import pytest
 from benchmarks import accuracy_promise, budgets, promise_branches, promise_cases
 from benchmarks.accuracy_promise import ROOT, Runner, error_of, errors_of, measure, reference_of, rungs_of
 from benchmarks.promise_cases import KINDS, Case
-from benchmarks.promise_table import HEADS, MARK, rows_of, written
+from benchmarks.promise_table import HEADS, PAGE, rows_of, written
 from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.accuracy.choice import asked, margins, pick, settings_text
 from tripod_sim.accuracy.stored import read_study, stored_studies
@@ -31,7 +31,7 @@ def test_a_row_says_of_how_many_cases_and_of_which_it_is() -> None:
     assert not cut
     assert [cells[:2] for cells in found] == [["pendulum", "10%"], ["pendulum", "5%"], ["pendulum", "1%"]]
     made = row(found, "1%")
-    assert (made["cases"], made["seeds"], made["under the asked [%]"]) == ("3", "5 to 7", "100.0")
+    assert (made["cases"], made["seeds"], made["within the request [%]"]) == ("3", "5 to 7", "100.0")
     assert 0 < float(made["median error [%]"]) <= float(made["worst [%]"]) < 1
     assert made["reference off by [%]"] == "", "the study's reference is no setting of the scene"
 
@@ -99,7 +99,7 @@ def test_what_fails_is_an_error_and_what_has_no_reference_is_no_case(monkeypatch
 
     monkeypatch.setattr(Runner, "run", failing)
     made = row(measure(PENDULUM, range(3), None, 0)[0], "10%")
-    assert (made["cases"], made["under the asked [%]"], made["worst [%]"]) == ("2", "0.0", "inf")
+    assert (made["cases"], made["within the request [%]"], made["worst [%]"]) == ("2", "0.0", "inf")
 
 
 def test_cases_are_held_against_the_limit_of_two_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,17 +133,19 @@ def test_errors_of_places_are_of_the_move_and_of_the_pose() -> None:
 def test_rows_of_studies_that_were_not_run_stay() -> None:
     new = [["cloth", "5%", *[str(k) for k in range(len(HEADS) - 2)]]]
     old = [[name, "5%", *["old"] * (len(HEADS) - 2)] for name in ("pendulum", "cloth", "tripod_static")]
-    text = written(f"Before.\n\n{MARK}\n\n<!-- end -->\n\nAfter.\n", old, "fast", Path("d.md"))
+    text = written("Before.\n\n<!-- promise -->\n<!-- end promise -->\n\nAfter.\n", old, "fast")
     assert rows_of(text) == old
-    text = written(text, new, "slow", Path("d.md"))
+    text = written(text, new, "slow")
     assert rows_of(text) == [old[0], new[0], old[2]]
-    assert text.startswith("Before.\n\n## Measured\n\n`python benchmarks/accuracy_promise.py --write d.md`")
-    assert text.endswith("\nslow\n\n<!-- end -->\n\nAfter.\n")
+    assert text.startswith("Before.\n\n<!-- promise -->\n\n| study |")
+    assert text.endswith(
+        "\nslow `python benchmarks/accuracy_promise.py --write`\n\n<!-- end promise -->\n\nAfter.\n"
+    )
     assert "fast" not in text
 
 
 def test_the_document_is_of_these_margins() -> None:
-    rows = rows_of((ROOT / "docs" / "accuracy_promise.md").read_text(encoding="utf-8"))
+    rows = rows_of((ROOT / "docs" / PAGE).read_text(encoding="utf-8"))
     assert rows
     for cells in rows:
         made = dict(zip(HEADS, cells, strict=True))
@@ -152,12 +154,13 @@ def test_the_document_is_of_these_margins() -> None:
                 [float(x) for x in made[name].split(" and ")] for name in ("factor", "margin")
             )
             study = read_study(STUDIES / f"{made['study']}.json")
-            picked = pick(study, asked(made["asked"]), None)
+            picked = pick(study, asked(made["requested"]), None)
             assert made["setting"] == settings_text(picked), "of another setting than is taken"
             assert allowed == list(margins(study))
-            assert all(factor <= most for factor, most in zip(factors, allowed, strict=True))
+            for factor, most in zip(factors, allowed, strict=True):
+                assert factor <= 1.01 * most  # what 95 % of 200 cases stay below is known to several per cent
             assert int(made["cases"]) >= 200
-            assert float(made["under the asked [%]"]) >= 95
+            assert float(made["within the request [%]"]) >= 95
 
 
 def test_the_tripods_cases_are_held_against_far_smaller_elements_than_are_picked() -> None:

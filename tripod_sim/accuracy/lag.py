@@ -50,9 +50,9 @@ def proposal(
         found = study_of(source, made, study)
         here, there = (point_of(found, scene) for scene in (made, load_scene(source, choice.overrides)))
     except SceneError as error:
-        return f"no setting is proposed: {error}"
+        return f"no cheaper setting can be proposed: {error}"
     if here and there and here.cpu <= there.cpu:
-        return f"study {found.name} has no cheaper setting for real time: choose a lower accuracy"
+        return f"study {found.name} has no cheaper setting that runs in real time: choose a lower accuracy"
     replaced = "; ".join(word for word in words if word not in choice.overrides)
     instead = f" instead of {percent(measured(found, here))}" if here else ""
     told = "not known" if choice.measured is None else f"about {percent(choice.measured)}{instead} (measured)"
@@ -111,5 +111,5 @@ class LagMonitor:
         stand_back()
         told = self._propose()
         if not self._closed:
-            self.proposal = f"a simulated second takes {speed.load:.2g} s of a core; {told}"
+            self.proposal = f"each simulated second takes {speed.load:.2g} s of one core; {told}"
             self._say(self.words(speed))

@@ -122,7 +122,10 @@ def read_study(path: Path) -> StoredStudy:
 def _study(table: Any) -> StoredStudy:
     top = _table(table, "the file")
     if top.get("format") != FORMAT or isinstance(top.get("format"), bool):
-        raise SceneError(f"format is {shown(top.get('format'))}; this version reads format {FORMAT}")
+        raise SceneError(
+            f"format is {shown(top.get('format'))}; this version reads format {FORMAT}: make the study "
+            "again with `tripod study`"
+        )
     rows = top.get("points")
     if not isinstance(rows, list) or len(rows) > MOST_POINTS:
         raise SceneError(f"points is {shown(rows)}; it must be a list of at most {MOST_POINTS}")
@@ -210,7 +213,10 @@ def _settings(value: Any, path: str) -> dict[str, Value]:
     for field in table:
         form = ENTRY if base else FIELD
         if not form.fullmatch(field) or (not base and field.rpartition(".")[2] in FORBIDDEN):
-            raise SceneError(f"{path}: {shown(field)} is not a field that a study may set")
+            raise SceneError(
+                f"{path}: {shown(field)} is not a field that an accuracy study may set; make the study again "
+                "with `tripod study`"
+            )
     return {field: _value(v, f"{path}.{field}", applied=not base) for field, v in table.items()}
 
 

@@ -19,15 +19,16 @@ def advice(result: Mapping[str, Any]) -> list[str]:
         for i, levels in named.items()
     ]
     if missing:
-        parts.append(f"no setting is surely within {_percent(missing[0])}")
+        parts.append(f"no setting has an error within {_percent(missing[0])} for certain")
     first = "; ".join(parts)
     sentences = [f"Cheapest {first}." if named else f"{first[:1].upper()}{first[1:]}."]
     own = (result.get("reference") or {}).get("own_error")
     if own and own > max(LEVELS.values()):
-        closer = ": leave out --quick for a closer one; or it is one" if result["quick"] else ", as one"
+        closer = " Leave out --quick for a more accurate one." if result["quick"] else ""
         sentences.append(
-            f"The reference itself may err by {100 * own:.2g} %{closer} of a motion that is chaotic or leads nowhere: "
-            "shorten it (--duration), or name by [[marker]] what can be told."
+            f"The reference itself may have an error of {100 * own:.2g} %.{closer} If that stays, the motion is "
+            "chaotic or can end in several ways: shorten it (--duration), or name by [[marker]] a place that can be "
+            "predicted."
         )
     if text := knob_that_pays(result):
         sentences.append(text)

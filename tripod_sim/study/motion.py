@@ -43,7 +43,7 @@ def motion(
     """
     steps, samples = round(interval / scene.dt), round(duration / interval)
     if steps < 1 or abs(steps * scene.dt - interval) > 1e-9 * interval:
-        raise SceneError(f"dt is {scene.dt:g} s; in this study it must divide {interval:g} s")
+        raise SceneError(f"dt is {scene.dt:g} s; in this study {interval:g} s must be a multiple of it")
     simulation = Simulation(scene)
     found: list[Mapping[str, list[float]]] = []
 
@@ -62,7 +62,7 @@ def motion(
                 raise StepError(unstable)
             rows.append({name: [float(v) for v in row] for name, row in observe().items()})
         if not all(math.isfinite(v) for row in rows for values in row.values() for v in values):
-            raise StepError("the motion is not finite")
+            raise StepError("the motion is not finite; take a smaller dt")
         found[:] = rows
         return cpu
 

@@ -236,7 +236,8 @@ class Plan:
         ]
         if not any(not p.label for p in kept):
             raise SceneError(
-                f"--knobs {','.join(names)}: no point of {self.name} varies these alone; {self._instead(names)}"
+                f"--knobs {','.join(names)}: no setting of study {self.name} varies only these; "
+                f"{self._instead(names)}"
             )
         return tuple(kept)
 

@@ -45,7 +45,9 @@ from tripod_sim.study.plan import Plan, Point, Quantity, Settings
 
 FORMAT = 1
 
-DRIVE = "let gravity, a load, a servo or a velocity move it, or name by [[marker]] what moves"
+DRIVE = (
+    "let gravity, a load, a servo or an initial velocity move it, or name by [[marker]] a place that moves"
+)
 
 Record = Mapping[str, Any]
 """Of a point: see `task.outcome`."""
@@ -70,12 +72,12 @@ class _Standards:
             records = [self._records[key] for key in keys]
             bad = next((r for r in records if r["status"] != "ok"), None)
             self._made[name] = (
-                f"the reference {reference.name!r} is missing: {bad['status']}: {bad['message']}"
+                f"the reference {reference.name!r} could not be computed: {bad['status']}: {bad['message']}"
                 if bad
                 else standard(quantity, reference, [np.array(r["observed"][quantity.key]) for r in records])
             )
             if quantity == self._plan.quantities[0] and not getattr(self._made[name], "scale", 1.0):
-                self._made[name] = f"nothing that is looked at moves ({quantity.name}): {DRIVE}"
+                self._made[name] = f"no measured quantity changes ({quantity.name}): {DRIVE}"
         return self._made[name]
 
 

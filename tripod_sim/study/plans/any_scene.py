@@ -53,8 +53,8 @@ BUDGET, QUICK_BUDGET = 600.0, 30.0
 LIMIT = 2400.0
 """Wall time after which a point is given up, on a machine with other things to do, too [s]."""
 
-MESHES = "A finer mesh would take longer than a study may: what the mesh errs is not in these figures."
-BODIES = "Meshes of [[body]] are not refined: what they err is not in these figures."
+MESHES = "A finer mesh would take too long, so the error of the mesh is not included in these figures."
+BODIES = "Meshes of [[body]] are not refined, so their error is not included in these figures."
 
 LEFT_OUT = "; without what the mesh errs"
 """What errors are of, then: whoever picks a setting by them reads that, too."""
@@ -117,7 +117,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         duration = script.end if script.end > 0 else made.duration
     if not made.dt <= duration <= LONGEST:
         raise SceneError(
-            f"the duration is {duration:g} s; allowed is {made.dt:g} s, one step, to {LONGEST:g} s"
+            f"the duration is {duration:g} s; allowed: {made.dt:g} s (one step) to {LONGEST:g} s"
         )
     widest = STEPS[0] * made.dt
     interval = widest * max(1, round(duration / LOOKS / widest))
@@ -245,7 +245,8 @@ def _probes(simulation: Simulation, source: str, fields: str) -> NDArray[np.int6
     distance, found = cKDTree(nodes).query(places)
     if distance.max() > 1e-6 * np.ptp(places, axis=0).max():
         raise SceneError(
-            "the mesh has not the nodes of the coarsest one, so their motions cannot be compared"
+            "the mesh does not contain the nodes of the coarsest one, so their motions cannot be "
+            "compared; use meshes that refine each other"
         )
     return np.asarray(found, dtype=np.int64)
 
@@ -365,9 +366,15 @@ def _check_moves(scene: Scene, *, moved: bool) -> None:
     if moved or scene.prescribed or scene.load:
         return
     if not scene.inertia:
-        raise SceneError(f"scene {scene.name!r} is static and no servo moves: say what does by --servo")
+        raise SceneError(
+            f"scene {scene.name!r} is static and no servo moves, so there is nothing to study; give a "
+            "motion with --servo, or [motion] in the scene"
+        )
     if joints_of(scene) and not (scene.ball or scene.rigid):
-        raise SceneError(f"scene {scene.name!r} starts at rest and no servo moves: say what does by --servo")
+        raise SceneError(
+            f"scene {scene.name!r} starts at rest and no servo moves, so there is nothing to study; give "
+            "a motion with --servo, or [motion] in the scene"
+        )
 
 
 def _soft(scene: Scene) -> bool:
@@ -382,7 +389,7 @@ def _held(scene: Scene) -> str:
     """Return the servo script that leaves the angles of the scene."""
     joints = joints_of(scene)
     if not joints:
-        raise SceneError(f"--slide: scene {scene.name!r} has no servos")
+        raise SceneError(f"--slide: scene {scene.name!r} has no servos; leave it out")
     return "0: " + ", ".join(f"{arm.angle!r}" for arm in joints.arms)
 
 

@@ -15,10 +15,10 @@ from tripod_sim.study.task import Measured, repeated
 
 SCENE = "maze"
 
-WORK, SLIDE, TURN, RAMP = -1.4965, 0.035, 0.1, 0.050
+WORK, SLIDE, TURN, RAMP = -1.4965, 0.035, 0.1, 0.100
 """Angles before [rad], slide [m], the move of servo 0 [rad], which tilts the plate, and the time it takes [s]."""
 
-DURATION = 0.2
+DURATION = 0.25
 """Within which the ball must bounce [s]."""
 
 INSTANTS = (0.03, 0.06, 0.09, 0.12, 0.15)
@@ -65,7 +65,7 @@ def plan(*, quick: bool) -> Plan:
         name="maze",
         title="The ball in the maze, from the tilt of the plate to its first bounce",
         module=__name__,
-        version=1,
+        version=2,
         default=DEFAULT,
         points=points_of(DEFAULT, points),
         quantities=(

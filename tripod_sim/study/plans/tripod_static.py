@@ -14,7 +14,7 @@ SCENE = "tripod"
 BASE: Settings = {"inertia": "off", "damping": "off"}
 
 CLAMP = "{stiffness=1.4e10}"
-"""The scene's compliant clamp, that of docs/convergence.md, 4 G / h²: at the edge of the sharp one the solution is
+"""The scene's compliant clamp, that of docs/accuracy.md, 4 G / h²: at the edge of the sharp one the solution is
 singular, and no mesh known to 0.1 %."""
 
 QUARTER, WORK, SLIDE = -np.pi / 4, -1.4965, 0.035
@@ -110,7 +110,7 @@ def plan(*, quick: bool) -> Plan:
         quick=quick,
         limit=1500.0,
         note="With the compliant clamp (clamp.stiffness = 1.4e10): the sharp clamp's reference is known to 1 % only, "
-        "see docs/convergence.md. A solve goes from one pose to the next, up to 1.5 rad.",
+        "see docs/accuracy.md. A solve goes from one pose to the next, up to 1.5 rad.",
     )
 
 
