@@ -1,4 +1,4 @@
-"""Pictures for the labs: a body in space, and error over computing time."""
+"""Plots for the labs: deformed bodies in 3-D, and error over computing time."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -8,29 +8,42 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.colors import LightSource
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LightSource, ListedColormap, Normalize
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from tripod_sim import Simulation
 
-mpl.rcParams.update({"figure.dpi": 72, "font.size": 9, "axes.grid": True, "grid.alpha": 0.3})
+mpl.rcParams.update({"figure.dpi": 80, "font.size": 11, "axes.grid": True, "grid.alpha": 0.3})
+
+COLOURS = ListedColormap(plt.get_cmap("viridis")(np.linspace(0.2, 1.0, 256)))
+"""Colours of a displacement, from 0 to the largest; the darkest ones of viridis would hide the shading."""
+
+LEAST = 1e-2
+"""Smallest end of a colour bar [mm]; below it a displacement is rounding."""
 
 
 def body(simulation: Simulation, title: str = "", *, axes: Any = None, size: float | None = None) -> Any:
-    """Draw what is simulated, coloured by how far it has moved, in millimetres; return the axes.
+    """Draw the bodies with their displacement as colour, in millimetres; return the axes.
 
     Args:
-        simulation: What to draw, as it is now.
-        title: Above the picture.
+        simulation: Its present state is drawn.
+        title: Text above the picture.
         axes: 3-D axes to draw into; None: new ones.
-        size: Half the width of the picture [m]; None: so that the body fits.
+        size: Half the width of the picture [m]; None: the bodies fill it.
     """
     skin = simulation.skin
     x = simulation.shown(simulation.positions)
-    axes = axes or plt.figure(figsize=(4.4, 3.6)).add_subplot(projection="3d", computed_zorder=False)
-    moved = np.linalg.norm(x - skin.nodes, axis=1)[skin.surface].mean(axis=1)
-    _surface(axes, x, skin.surface, plt.get_cmap("viridis")(0.35 + 0.65 * moved / max(moved.max(), 1e-9)))
+    axes = axes or bodies(1)[0]
+    moved = 1e3 * np.linalg.norm(x - skin.nodes, axis=1)[skin.surface].mean(axis=1)
+    scale = ScalarMappable(Normalize(0, max(moved.max(), LEAST)), COLOURS)
+    _surface(axes, x, skin.surface, scale.to_rgba(moved))
+    bar = axes.figure.colorbar(scale, ax=axes, location="bottom", shrink=0.7, aspect=25, pad=0.1)
+    bar.set_label("displacement [mm]")
+    bar.locator = MaxNLocator(3)
+    bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
+    bar.update_ticks()
     for box in (held for held in simulation.scene.fixed if held.low and held.high):
         low, high = np.maximum(box.low, x.min(axis=0) - 2e-3), np.minimum(box.high, x.max(axis=0) + 2e-3)
         corners = 1e3 * np.array(list(product(*zip(low, high, strict=True))))
@@ -49,6 +62,7 @@ def body(simulation: Simulation, title: str = "", *, axes: Any = None, size: flo
     half = 1e3 * (size or 0.55 * np.ptp(x, axis=0).max())
     for name, middle in zip("xyz", centre, strict=True):
         axes.set(**{f"{name}lim": (middle - half, middle + half), f"{name}label": f"{name} [mm]"})
+        axes.tick_params(axis=name, labelsize=9, pad=0)
         getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(3))
     axes.set_box_aspect((1, 1, 1))
     axes.view_init(elev=24, azim=-62)
@@ -57,42 +71,85 @@ def body(simulation: Simulation, title: str = "", *, axes: Any = None, size: flo
 
 
 def bodies(count: int) -> Sequence[Any]:
-    """Return so many 3-D axes beside each other."""
-    figure = plt.figure(figsize=(3.6 * count, 3.4))
+    """Return `count` 3-D axes side by side."""
+    figure = plt.figure(figsize=(3.9 * count, 4.4), layout="constrained")
     return [figure.add_subplot(1, count, k + 1, projection="3d", computed_zorder=False) for k in range(count)]
 
 
 def sphere(axes: Any, centre: Sequence[float], radius: float) -> None:
-    """Draw a sphere that bodies lie on, both in metres."""
+    """Draw a sphere, such as an obstacle; `centre` and `radius` in metres."""
     _sphere(axes, np.asarray(centre), radius, zorder=1)
 
 
 def cost(
     points: dict[str, Sequence[tuple[str, float, float]]], ylabel: str, xlabel: str = "CPU seconds"
 ) -> None:
-    """Draw errors over computing times; `points`: by series, label, seconds and error of each."""
-    _, axes = plt.subplots(figsize=(6.4, 3.4))
+    """Plot errors over computing times.
+
+    Args:
+        points: For each series, the label, computing time [s] and error of its points.
+        ylabel: Of the errors.
+        xlabel: Of the times.
+    """
+    _, axes = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
     for name, series in points.items():
         labels, seconds, errors = zip(*series, strict=True)
         axes.loglog(seconds, errors, "o-", label=name)
         for label, s, e in zip(labels, seconds, errors, strict=True):
-            axes.annotate(label, (s, e), xytext=(4, 3), textcoords="offset points", fontsize=8)
+            axes.annotate(label, (s, e), xytext=(4, 3), textcoords="offset points", fontsize=9)
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=9))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
-    axes.set(xlabel="CPU seconds", ylabel=ylabel)
-    axes.legend(fontsize=8)
+        _log_ticks(axis)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    axes.legend(fontsize=9)
+
+
+def order(
+    points: dict[str, Sequence[tuple[float, float]]],
+    orders: Sequence[int],
+    ylabel: str,
+    xlabel: str = "step [ms]",
+) -> None:
+    """Plot errors over step lengths with dashed lines of the given orders.
+
+    Args:
+        points: For each series, the step (or mesh size, or distance) and the error of its points.
+        orders: Slopes of the dashed lines; an error of order p falls by a factor of 2^p when the step is halved.
+        ylabel: Of the errors.
+        xlabel: Of the steps.
+    """
+    _, axes = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
+    for name, series in points.items():
+        axes.loglog(*zip(*series, strict=True), "o-", label=name)
+    steps, errors = np.array([point for series in points.values() for point in series]).T
+    for p in orders:
+        line = errors.max() * (np.unique(steps) / steps.max()) ** p
+        axes.loglog(np.unique(steps), line, "--", color="0.5", linewidth=1)
+        axes.annotate(
+            f"order {p}", (steps.min(), line[0]), xytext=(6, -14), textcoords="offset points", fontsize=9
+        )
+    for axis in (axes.xaxis, axes.yaxis):
+        _log_ticks(axis)
+    axes.set_xticks(np.unique(steps))
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    axes.legend(fontsize=9)
 
 
 def timed(work: Callable[[], Any], repeat: int = 1) -> tuple[float, Any]:
-    """Return the CPU seconds of `work()`, the least of so many times, and what it returned."""
+    """Return the CPU time of `work()` [s], the smallest of `repeat` calls, and its result."""
     least = np.inf
     for _ in range(repeat):
         began = time.process_time()
         result = work()
         least = min(least, time.process_time() - began)
     return least, result
+
+
+def _log_ticks(axis: Any) -> None:
+    """Label 1, 2 and 5 of each decade, or only the decades where there are more than two."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,), numticks=20))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _surface(axes: Any, x: np.ndarray, triangles: np.ndarray, rgba: np.ndarray) -> None:

@@ -2,6 +2,21 @@
 # # Step 1: the free piece
 #
 # A piece of silicone has a mesh, a material, gravity and inertia. Nothing holds it, so it falls.
+#
+# - **Objectives**: explain what a mesh is; predict the error of implicit Euler by hand; read a mesh error message.
+# - **Prerequisites**: [lab A](a_pendulum.ipynb).
+# - **Time**: 20 minutes.
+#
+# ## Equations
+#
+# The mesh has nodes with positions x and masses M. Its elements resist deformation with elastic forces:
+#
+#     M dv/dt = f(x) + M g,   dx/dt = v,   f(x) = -dU/dx   with the strain energy U(x)
+#
+# In free fall U stays zero. Implicit Euler adds g dt to the velocity and then moves by the new velocity. After n steps
+# the piece has fallen by
+#
+#     g dt² (1 + 2 + ... + n) = g dt² n (n + 1) / 2 = g t² / 2 + g t dt / 2   with t = n dt
 
 # %%
 from pathlib import Path
@@ -19,7 +34,8 @@ for axes, level in zip(bodies(3), (1, 2, 4), strict=True):
 plt.show()
 
 # %% [markdown]
-# A mesh is nodes and elements; the simulator moves the nodes. `mesh.level` says how many there are. Let it fall:
+# The simulator moves the nodes. `mesh.level` sets how many there are. The piece is drawn where it starts, so its
+# displacement is zero. Let it fall:
 
 # %%
 simulation = Simulation(load_scene("silicone_free"))
@@ -30,19 +46,18 @@ for _ in range(40):
 t, z = np.array(rows).T
 plt.figure(figsize=(5, 3))
 plt.plot(t, z, "o", markersize=3, label="simulated")
-plt.plot(t, -1e3 * 9.81 / 2 * t**2, label="-g t² / 2")
+plt.plot(t, -1e3 * 9.81 / 2 * t**2, label="-g t² / 2 (exact)")
 plt.gca().set(xlabel="time [s]", ylabel="height [mm]")
 plt.legend()
 plt.show()
 print(f"strain energy: {simulation.energies().strain:.1e} J: it falls undeformed")
 
 # %% [markdown]
-# The points are a little below the line. That is the error of the time steps: implicit Euler runs ahead by g t dt /
-# 2.
+# The points lie a little below the line. This is the error of the time steps: g t dt / 2, as computed above.
 #
 # ## What does accuracy cost?
 #
-# **Question: to be within 1 mm after 0.2 s, what is cheaper: a shorter step or another scheme?** Guess, then run.
+# **Question: for an error below 1 mm after 0.2 s, what is cheaper: a shorter step or another scheme?** Guess, then run.
 
 
 # %%
@@ -64,12 +79,12 @@ for scheme in ("implicit_euler", "bdf2", "tr_bdf2"):
             cheapest = min(cheapest, (seconds, f"{scheme}, dt = {1e3 * dt:g} ms"))
 cost(points, "error after 0.2 s [mm]")
 plt.show()
-print(f"within 1 mm in the least time: {cheapest[1]}")
+print(f"below 1 mm in the least time: {cheapest[1]}")
 
 # %% [markdown]
 # ## Break it
 #
-# Bring your own mesh: two bricks in a VTK file, in millimetres. In the second one two corners are swapped.
+# Read your own mesh: two bricks in a VTK file, in millimetres. In the second brick two nodes are swapped.
 
 # %%
 FILE = """# vtk DataFile Version 3.0
@@ -101,8 +116,8 @@ except SceneError as error:
     print(str(error).partition(": ")[2])
 
 # %% [markdown]
-# Elements are counted from 0, so it is the second. An element that is turned inside out has a negative volume, and
-# no force would be right.
+# Elements are counted from 0, so the second brick is wrong. An inverted element has a negative volume, and all its
+# forces would be wrong.
 #
 # ## Repair it
 
@@ -113,8 +128,22 @@ plt.show()
 print(f"{len(simulation.mesh.elements)} elements, {1e3 * np.ptp(simulation.mesh.nodes, axis=0)} mm")
 
 # %% [markdown]
-# ## On your own
+# ## Questions
 #
-# - On the moon: `gravity.acceleration=[0,0,-1.62]`.
-# - Leave `mesh.scale` away. Who notices that the bricks are 20 m long? (Nobody: look at your units.)
-# - `tripod run silicone_free --view`
+# 1. How long does the piece take to fall 196 mm on the Moon (`gravity.acceleration=[0,0,-1.62]`)? On Earth it takes 0.2
+#    s.
+# 2. You forget `mesh.scale`. How large are the bricks, and does a message tell you?
+# 3. Which step does implicit Euler need for an error of 1 mm after 0.2 s?
+#
+# <details><summary>Solutions</summary>
+#
+# <p>1. t = √(2 h / g), so √(9.81 / 1.62) = 2.46 times as long: 0.49 s.</p>
+#
+# <p>2. They are 20 m long, and no message tells you: a body of 20 m is a valid body. Print
+# <code>simulation.mesh.nodes</code> after reading a file.</p>
+#
+# <p>3. g t dt / 2 = 1 mm gives dt = 2 · 0.001 / (9.81 · 0.2) = 1.0 ms.</p>
+#
+# </details>
+#
+# In a terminal: `tripod run silicone_free --view`.

@@ -2,6 +2,21 @@
 # # Step 2: an elastic material
 #
 # How stiff is silicone, and how stiff does a mesh make it? The piece is held at one end and hangs at rest.
+#
+# - **Objectives**: compare material laws; recognise locking; choose an element.
+# - **Prerequisites**: [step 1](step_1_free_piece.ipynb); stress, strain, Young's modulus.
+# - **Time**: 20 minutes.
+#
+# ## Equations
+#
+# At rest the elastic forces balance the weight: f(x) + M g = 0, with the strain energy U as the integral of a density W
+# over the body. The neo-Hookean law, for rubber, with the deformation gradient F = dx/dX and J = det F, is
+#
+#     W = mu/2 (J^(-2/3) |F|² - 3) + K/2 (J - 1)²
+#     mu = E / (2 (1 + nu)),   K = E / (3 (1 - 2 nu))
+#
+# E is Young's modulus (here 250 kPa), nu is Poisson's ratio. For nu = 0.5 the bulk modulus K is infinite: the volume
+# cannot change.
 
 # %%
 import matplotlib.pyplot as plt
@@ -24,19 +39,18 @@ for axes, young in zip(bodies(3), (100e3, 250e3, 1e6), strict=True):
 plt.show()
 
 # %% [markdown]
-# Four laws say how stress follows from strain. For small strains they agree. Here the strip bends far, but
-# stretches little:
+# Four laws relate stress and strain. They agree for small strains. Here the strip rotates far but stretches little:
 
 # %%
 for law in ("neo_hooke", "stable_neo_hooke", "corotational", "st_venant_kirchhoff"):
-    print(f"{law:20} lowest point {1e3 * hang(f'material.law={law}').positions[:, 2].min():7.2f} mm")
+    print(f"{law:20} lowest point at {1e3 * hang(f'material.law={law}').positions[:, 2].min():7.2f} mm")
 
 # %% [markdown]
 # ## What does accuracy cost?
 #
-# A mesh is stiffer or softer than the silicone. Elements differ: `t4` are linear tetrahedra, `h8_modes` bricks that
-# can bend, `h20` quadratic bricks. **Question: how many percent are linear tetrahedra off, and can a finer mesh of
-# them repair it?**
+# A mesh makes the piece stiffer or softer than the silicone is. Elements differ: `t4` are linear tetrahedra, `h8_modes`
+# are bricks that can bend, `h20` are quadratic bricks. **Question: how large is the error of linear tetrahedra in
+# percent, and can a finer mesh of them repair it?**
 
 
 # %%
@@ -61,12 +75,12 @@ cost(points, "error of the sag [%]")
 plt.show()
 
 # %% [markdown]
-# One layer of linear tetrahedra cannot bend: it locks. More of them help slowly. Another element helps at once, in
-# less time than the finest tetrahedra take.
+# One layer of linear tetrahedra cannot bend. This is called locking. More layers help slowly. Another element helps at
+# once, in less time than the finest tetrahedra take.
 #
 # ## Break it
 #
-# Silicone hardly changes its volume: Poisson's ratio is near 0.5. Ask for 0.5 itself.
+# Silicone hardly changes its volume: Poisson's ratio is close to 0.5. Try 0.5 itself.
 
 # %%
 try:
@@ -75,7 +89,7 @@ except SceneError as error:
     print(error)
 
 # %% [markdown]
-# At 0.5 the stiffness against a change of volume is infinite. So take 0.499, and tetrahedra:
+# At 0.5 the stiffness against a change of volume is infinite. Take 0.499, with tetrahedra and with bricks:
 
 # %%
 for axes, element in zip(bodies(2), ("t4", "h8_modes"), strict=True):
@@ -85,12 +99,11 @@ for axes, element in zip(bodies(2), ("t4", "h8_modes"), strict=True):
 plt.show()
 
 # %% [markdown]
-# Nothing was refused on the left, and everything is wrong: every tetrahedron wants to keep its own volume, so none
-# can bend.
+# The left result is wrong, and no message says so. Each tetrahedron keeps its own volume, so none can bend.
 #
 # ## Repair it
 #
-# Take an element that can do it. Bricks with extra modes, with a mean volume, or quadratic ones all do.
+# Choose an element that can bend at constant volume: bricks with extra modes, with a mean volume, or quadratic ones.
 
 # %%
 for element in ("t4", "h8_modes", "h8_mean", "h20"):
@@ -101,8 +114,22 @@ for element in ("t4", "h8_modes", "h8_mean", "h20"):
     print(f"{element:9} sags by {low:6.2f} mm with 0.45, {high:6.2f} mm with 0.499")
 
 # %% [markdown]
-# ## On your own
+# ## Questions
 #
-# - Which `material.young` halves the sag? (More than twice 250 kPa: the strip hangs almost straight down.)
-# - Write `material.yung=1e6`. What does the program say?
-# - `tripod study silicone --quick` measures more settings on your machine.
+# 1. Which Young's modulus halves the sag of 75 mm? Guess, then try values for `material.young`.
+# 2. Write `material.yung=1e6`. What does the program answer?
+# 3. Why do the four laws give almost the same shape here?
+#
+# <details><summary>Solutions</summary>
+#
+# <p>1. About 1.8 MPa, seven times as stiff: 1.5 MPa gives 43 mm, 2 MPa gives 35 mm. The soft strip hangs almost
+# straight down, so at first more stiffness changes little.</p>
+#
+# <p>2. It names the unknown field, lists the fields of the table, and asks whether you mean <code>young</code>.</p>
+#
+# <p>3. The strip is thin. It bends with large rotations but small strains, and all four laws agree for small strains
+# and are exact for rotations.</p>
+#
+# </details>
+#
+# In a terminal: `tripod run silicone --view`; `tripod study silicone --quick` measures more settings on your machine.

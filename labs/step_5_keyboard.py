@@ -1,8 +1,19 @@
 # %% [markdown]
 # # Step 5: the keyboard
 #
-# `tripod teleop` moves the servos by keys. Here the same rules run without ROS: keys make set-points, set-points
-# move the robot.
+# `tripod teleop` moves the servos by keys. Here the same rules run without ROS: keys change the commanded angles, and
+# the robot follows.
+#
+# - **Objectives**: explain how key presses become motion; decide which accuracy an operator needs.
+# - **Prerequisites**: [step 4](step_4_assembly.ipynb).
+# - **Time**: 20 minutes.
+#
+# ## Equations
+#
+# A terminal reports key presses and repeats, but no release. A press at time t_k therefore counts for a hold time h.
+# While it counts, the commanded angle q moves at the speed w:
+#
+#     dq/dt = ± w   while t - t_k < h,   else 0
 
 # %%
 import matplotlib.pyplot as plt
@@ -19,7 +30,7 @@ START = ["servos.angles=[-1.4965,-1.4965,-1.4965]", "servos.slide=0.035"]
 
 
 def held(key: str, begin: float, end: float) -> list[tuple[float, str]]:
-    """Return what a terminal tells of a key held down: one press, then repeats 30 times a second. No release."""
+    """Return times [s] and names of presses of a key that is held down: 30 repeats a second, no release."""
     return [(t, key) for t in np.arange(begin, end, 1 / 30)]
 
 
@@ -27,7 +38,7 @@ PRESSED = sorted(held("up", 0.2, 0.4) + held("right", 0.7, 0.9))
 
 
 def play(*changes: str, hold: float = 0.15) -> tuple[float, np.ndarray]:
-    """Play the keys for 1.2 s; return CPU seconds, and rows of time, angles [rad], effector [m]."""
+    """Play the keys for 1.2 s; return the CPU time [s] and rows of time [s], angles [rad], effector [m]."""
     simulation = Simulation(load_scene("tripod", [*START, *changes]))
     drive = Drive(CommandLimits(), speed=2.0, hold=hold, pose_time=1.0)
     drive.start(WORKING)
@@ -46,24 +57,24 @@ def play(*changes: str, hold: float = 0.15) -> tuple[float, np.ndarray]:
 
 
 _, rows = play()
-_, axes = plt.subplots(1, 2, figsize=(9, 2.8))
+_, axes = plt.subplots(1, 2, figsize=(10, 3.4))
 for k in range(3):
     axes[0].plot(rows[:, 0], np.degrees(rows[:, 1 + k]), label=f"servo {k}")
     axes[1].plot(rows[:, 0], 1e3 * rows[:, 4 + k], label="xyz"[k])
 for time, _ in PRESSED:
     axes[0].axvline(time, color="0.8", linewidth=0.8)
-for ax, title in zip(axes, ("angles [degrees]; grey: a press", "effector [mm]"), strict=True):
+for ax, title in zip(axes, ("angle [degrees]; grey: key presses", "effector [mm]"), strict=True):
     ax.set(xlabel="time [s]", title=title)
     ax.legend(fontsize=8)
 plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# A terminal reports no release of a key. So a press counts for 0.15 s (`hold`), and silence means stop.
+# The grey lines are the presses that the terminal reports. Each counts for 0.15 s (`hold`). After that the servo stops.
 #
 # ## What does accuracy cost?
 #
-# A person sees half a millimetre. **Question: which is the longest step that is right to that, and how many times
+# An operator sees half a millimetre. **Question: which is the longest step with an error below that, and how many times
 # faster than real time is it?**
 
 # %%
@@ -82,7 +93,7 @@ cost(points, "largest error of the effector [mm]")
 plt.show()
 
 # %% [markdown]
-# All of them are right enough for the eye. Accuracy that nobody needs is not worth its time.
+# All of them are accurate enough for the eye. Take the fastest.
 #
 # ## Break it
 #
@@ -93,12 +104,12 @@ for hold in (0.15, 0.02):
     _, rows = play(hold=hold)
     plt.plot(rows[:, 0], np.degrees(rows[:, 1]), label=f"hold = {hold} s")
 plt.xlim(0.15, 0.65)
-plt.gca().set(xlabel="time [s]", ylabel="servo 0 [degrees]", title="The same key, held equally long")
+plt.gca().set(xlabel="time [s]", ylabel="servo 0 [degrees]", title="The same key, held for the same time")
 plt.legend()
 plt.show()
 
 # %% [markdown]
-# It stutters: between two repeats the rule says stop. And type degrees where radians are asked for:
+# The motion stutters: between two repeats the rule stops the servo. Now give degrees where radians are needed:
 
 # %%
 simulation = Simulation(load_scene("tripod", START))
@@ -110,17 +121,28 @@ except SceneError as error:
 # %% [markdown]
 # ## Repair it
 #
-# `hold` must be longer than the pause of the terminal; angles are radians everywhere inside.
+# Make `hold` longer than the time between two repeats. Convert degrees to radians: the library uses radians everywhere.
 
 # %%
 for part in np.linspace(0, 1, 21)[1:]:
     goal = np.append(np.radians([-70, -85, -85]), 0.035)
     simulation.step(simulation.command + part * (goal - simulation.command))
-body(simulation, f"effector at {1e3 * simulation.effector.position.round(4)} mm", size=0.06)
+body(simulation, f"effector at {(1e3 * simulation.effector.position).round(1)} mm", size=0.06)
 plt.show()
 
 # %% [markdown]
-# ## On your own
+# ## Questions
 #
-# - With a long `hold` the servo runs on after the key is up. How far, with 0.5 s?
-# - With the page: `tripod up`, then `tripod teleop` in a second terminal.
+# 1. With `hold` = 0.5 s the servo continues after the key is up. By which angle more than with 0.15 s?
+# 2. Why is a long `hold` dangerous on a real robot, and a short one useless?
+#
+# <details><summary>Solutions</summary>
+#
+# <p>1. By w (0.5 s - 0.15 s) = 2 rad/s · 0.35 s = 0.7 rad = 40 degrees.</p>
+#
+# <p>2. With a long one the robot moves on although the operator wants it to stop. With one below the time between two
+# repeats, 33 ms here, it stutters.</p>
+#
+# </details>
+#
+# In a terminal: `tripod up` starts the page, `tripod teleop` in a second terminal moves the robot.

@@ -1,8 +1,22 @@
 # %% [markdown]
 # # Step 9: the closed loop
 #
-# The robot is never like its model: the silicone is stiffer, a servo horn sits a tooth further. A sensor on the
-# disc sees the difference.
+# The robot differs from its model: the silicone is stiffer, a servo horn is mounted one tooth off. A sensor on the disc
+# measures the difference.
+#
+# - **Objectives**: explain integral feedback; find its stability limit; decide between a better model and a sensor.
+# - **Prerequisites**: [step 8](step_8_inverse_kinematics.ipynb); feedback control.
+# - **Time**: 30 minutes.
+#
+# ## Equations
+#
+# The model predicts the tilt m(q), the sensor measures y. The program learns the error e of the model with a time
+# constant T and subtracts it from the target r:
+#
+#     de/dt = (y - m(q) - e) / T,   q solves m(q) = r - e
+#
+# At rest e = y - m(q), so y = r: the error of the model is compensated. If the sensor is late by a time that the
+# program does not know, the loop is stable only while that time is shorter than about T.
 
 # %%
 from collections import deque
@@ -22,7 +36,7 @@ from tripod_sim import load_scene
 DT = 0.02  # between two commands [s]
 WORKING = np.full(3, -1.4965)
 OFF = np.radians([2.0, -2.0, 2.0])  # of the servo horns
-TILT = normal_of(0.1, -0.08)  # where the disc shall look
+TILT = normal_of(0.1, -0.08)  # commanded normal of the disc
 
 
 def follow(
@@ -34,15 +48,15 @@ def follow(
     seconds: float = 2.0,
     words: tuple[str, ...] = ("mesh.element=h8_modes", "mesh.level=1"),
 ) -> np.ndarray:
-    """Ask for a tilt after 0.1 s; return the error of the tilt at each command [rad].
+    """Command a tilt after 0.1 s; return the error of the tilt at each command [rad].
 
     Args:
-        correction: Learns from the sensor; None: open loop.
+        correction: Estimator of the model error; None: open loop.
         late: Delay of the sensor [s].
-        wrong: By how much the sensor is turned about the vertical on the disc [rad].
-        young: Of the robot's silicone [Pa]; the model believes 250 kPa.
-        seconds: How long to follow [s].
-        words: The model's scene; the robot's is a fine one of the same kind.
+        wrong: Angle by which the sensor is mounted off about the vertical [rad].
+        young: Young's modulus of the robot [Pa]; the model has 250 kPa.
+        seconds: Duration [s].
+        words: Changes to the scene of the model; the robot has a finer mesh.
     """
     model = StaticModel(load_scene("tripod", list(words)))
     robot = StaticModel(load_scene("tripod", ["mesh.level=2", f"material.young={young}"]))
@@ -64,7 +78,7 @@ def follow(
 
 
 def draw(curves: dict[str, np.ndarray]) -> None:
-    """Draw errors over time."""
+    """Plot errors over time."""
     plt.figure(figsize=(6, 3))
     for name, errors in curves.items():
         plt.semilogy(DT * np.arange(len(errors)), np.degrees(errors), label=name)
@@ -76,12 +90,12 @@ def draw(curves: dict[str, np.ndarray]) -> None:
 draw({"open loop": follow(None), "with the sensor": follow(ModelError(time=0.4))})
 
 # %% [markdown]
-# In the open loop the error stays. With the sensor, the program learns how far the robot is from its model, and
-# takes that off the target. It is the integral part of a controller.
+# In the open loop the error remains. With the sensor the program learns the error of the model and subtracts it from
+# the target. It acts like the integral part of a controller.
 #
 # ## What does accuracy cost?
 #
-# A better model is slower. A sensor corrects a bad one. **Question: with the sensor, does the better model still
+# A better model is slower. A sensor corrects a poor one. **Question: with the sensor, does the better model still
 # pay?**
 
 # %%
@@ -101,23 +115,22 @@ cost(points, "error of the tilt after 2 s [degrees]")
 plt.show()
 
 # %% [markdown]
-# At rest the sensor makes up for any of these models. In motion the model still leads: until the sensor has spoken,
-# there is nothing else.
+# At rest the sensor compensates each of these models. In motion the model still decides, until the sensor has reported.
 #
 # ## Break it
 #
-# Learn too fast, from a sensor that is later than you were told:
+# Learn too fast, from a sensor that is later than the program assumes:
 
 # %%
 draw(
     {
-        "learns in 0.4 s, sensor 0.04 s late": follow(ModelError(time=0.4, delay=0.03)),
-        "learns in 0.05 s, sensor 0.3 s late": follow(ModelError(time=0.05, delay=0.03), late=0.3),
+        "T = 0.4 s, sensor 0.04 s late": follow(ModelError(time=0.4, delay=0.03)),
+        "T = 0.05 s, sensor 0.3 s late": follow(ModelError(time=0.05, delay=0.03), late=0.3),
     }
 )
 
 # %% [markdown]
-# It corrects again and again what it has corrected long ago. And a sensor that gives no direction at all:
+# The program corrects the same error again and again. Now a sensor that reports no direction at all:
 
 # %%
 try:
@@ -128,19 +141,33 @@ except IkError as error:
 # %% [markdown]
 # ## Repair it
 #
-# Tell the program how late the sensor is, or learn more slowly. It is stable while the delay that it does not know
-# of is shorter than the time in which it learns.
+# State the true delay of the sensor, or learn more slowly.
 
 # %%
 draw(
     {
-        "told of the delay": follow(ModelError(time=0.4, delay=0.3), late=0.3),
-        "learns in 1 s": follow(ModelError(time=1.0, delay=0.03), late=0.3),
+        "T = 0.4 s, delay known": follow(ModelError(time=0.4, delay=0.3), late=0.3),
+        "T = 1 s, delay unknown": follow(ModelError(time=1.0, delay=0.03), late=0.3),
     }
 )
 
 # %% [markdown]
-# ## On your own
+# ## Questions
 #
-# - Mount the sensor a quarter turn off: `follow(ModelError(), wrong=np.pi / 2)`. And 20 degrees?
-# - On the real robot: `tripod ik feedback:=imu`, [inverse kinematics](../docs/inverse_kinematics.md).
+# 1. Mount the sensor 20 degrees off about the vertical: `follow(ModelError(time=0.4), wrong=np.radians(20))`. Which
+#    error remains?
+# 2. And with a quarter turn, `wrong=np.pi / 2`?
+# 3. Would a longer time constant help in either case?
+#
+# <details><summary>Solutions</summary>
+#
+# <p>1. 2.5 degrees. The program believes the sensor. The commanded tilt of 7.3 degrees appears turned by 20 degrees,
+# and 2 sin(10°) · 7.3 = 2.5.</p>
+#
+# <p>2. 16 degrees, twice the commanded tilt: the correction is at a right angle to the error.</p>
+#
+# <p>3. No. Neither error depends on the speed of learning. Check the mounting with one known tilt.</p>
+#
+# </details>
+#
+# In a terminal: `tripod ik --set feedback=imu` uses its sensor: [inverse kinematics](../docs/inverse_kinematics.md).

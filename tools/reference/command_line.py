@@ -1,4 +1,4 @@
-"""The pages of all commands and of the parameters of the nodes, from the code that reads them."""
+"""Reference of all commands and of the parameters of the nodes, from the code that reads them."""
 
 import re
 from collections.abc import Iterator
@@ -10,23 +10,15 @@ from typer.main import get_command
 
 from tools.reference.docstrings import cell
 from tripod_bringup.cli import app
+from tripod_bringup.command_groups import GROUPS, RENAMED
 from tripod_bringup.node_command import NODES, parameter_table
 from tripod_bringup.node_values import yaml_value
 
-COMMANDS_HEAD = """\
-# Commands
-
-Every command with its arguments, options and examples, as `--help` tells them. What to type for a purpose is in
-[What to type](../commands.md). All commands are in `.venv/bin`. Exit codes: 0 done, 1 it failed, 2 something asked
-for is wrong; others are said with the command.
-
-This page is written from the code.
-"""
 PARAMETERS_HEAD = """\
 # Parameters of the nodes
 
-Set as `NAME:=VALUE` behind the command of a node, as `NODE.NAME:=VALUE` behind `tripod up`, or in a parameter file
-of ROS (`tripod parameters` prints one; [ROS](../ros.md)).
+Set by `--set NAME=VALUE` of the command of a node, by `--set NODE.NAME=VALUE` of `tripod up`, by ROS's own
+`--ros-args -p NAME:=VALUE`, or in a parameter file of ROS (`tripod print parameters` prints one; [ROS](../ros.md)).
 
 This page is written from the code.
 """
@@ -34,20 +26,25 @@ _SEE_BELOW = re.compile("; see (the table )?below")  # where a screen shows the 
 _MARKUP = re.compile(r"\[/?(?:dim|bold|cyan|yellow|green|red)?\]")
 
 
-def commands_page() -> str:
-    """Return the page of the commands as Markdown."""
-    return "\n".join([COMMANDS_HEAD, *_group(get_command(app), "tripod")]) + "\n"
+def command_sections() -> str:
+    """Return one Markdown section for each command, in the groups of `tripod --help`; then the old names."""
+    lines, commands = list[str](), get_command(app).commands  # type: ignore[attr-defined]
+    for title, names in GROUPS.items():
+        lines.append(f"## {title}\n")
+        for name in names:
+            lines += _commands(commands[name], f"tripod {name}")
+    lines.append("## Old names\n\nThese still work and name the new command on standard error.\n")
+    lines += ["| old | new |", "|---|---|"]
+    lines += [f"| `tripod {old}` | `tripod {' '.join(new)}` |" for old, new in RENAMED.items()]
+    return "\n".join(lines) + "\n"
 
 
-def _group(group: Any, path: str) -> Iterator[str]:
-    for name in sorted(group.commands):
-        command = group.commands[name]
-        if command.hidden:
-            continue
-        if hasattr(command, "commands"):
-            yield from _group(command, f"{path} {name}")
-        else:
-            yield from _command(command, f"{path} {name}")
+def _commands(command: Any, path: str) -> Iterator[str]:
+    if not hasattr(command, "commands"):
+        yield from _command(command, path)
+        return
+    for name in sorted(command.commands):
+        yield from _command(command.commands[name], f"{path} {name}")
 
 
 def _command(command: Any, path: str) -> Iterator[str]:
@@ -55,14 +52,14 @@ def _command(command: Any, path: str) -> Iterator[str]:
     words = [_word(p) for p in shown if p.param_type_name == "argument"]
     if len(words) < len(shown):
         words.append("[OPTIONS]")
-    yield f"## {path}\n\n```\n{' '.join([path, *words])}\n```\n\n{plain(command.help or '')}\n"
+    yield f"### {path}\n\n```\n{' '.join([path, *words])}\n```\n\n{plain(command.help or '')}\n"
     if shown:
         yield "| | default | |\n|---|---|---|"
     for p in shown:
         yield f"| `{_names(p)}` | {_default(p)} | {_help(p)} |"
     if path.removeprefix("tripod ") in NODES:
         node = path.removeprefix("tripod ")
-        yield f"\nParameters of the node: [`{node}`](parameters.md#{node})."
+        yield f"\nParameters of the node: [`{node}`](reference/parameters.md#{node})."
     lines = [line.removeprefix("$ ") for line in plain(command.epilog or "").splitlines()[1:]]
     if lines:
         yield "\n```sh\n" + "\n".join(lines) + "\n```"

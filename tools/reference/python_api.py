@@ -17,7 +17,7 @@ What a program of yours may use without ROS and without a robot. SI units, radia
 the nodes along the first axis. A wrong value raises an error whose text names the offender, its value and what is
 allowed.
 
-The [first page](../index.md) has a program to begin with, the [tutorial](../tutorial.md) the scenes. This page is
+The [first page](../index.md) has a program to begin with, the [tutorials](../first_robot.md) the scenes. This page is
 written from the code.
 """
 PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (

@@ -13,10 +13,10 @@ HEAD = """\
 # Fields of a scene
 
 A scene is a TOML file. Each table in it is an effect or a part of the body. What the file does not name is off: it is
-not imported and costs nothing ([effects](../effects.md)). `tripod scenes` lists the scenes that come along, `tripod
-scenes tripod` prints one to change; `--set TABLE.FIELD=VALUE` sets a field for one run, `--set TABLE={}` switches an
-effect on with its defaults, `--set TABLE=off` switches it off. A name, a value or a unit that does not fit is refused
-in one line.
+not imported and costs nothing ([effects](../effects.md)). `tripod print scene` lists the scenes that come along;
+`tripod print scene tripod` prints one to change. `--set TABLE.FIELD=VALUE` sets a field for one run, `--set TABLE={}`
+switches an effect on with its defaults, `--set TABLE=off` switches it off. A name, a value or a unit that does not fit
+is refused in one line.
 
 This page is written from the code (`tripod_sim/tables`).
 """
