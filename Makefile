@@ -38,8 +38,8 @@ bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmar
 	@$(BIN)/python benchmarks/step.py $(ARGS)
 
 docs: setup ## Build the site of the documentation into build/site
-	@$(BIN)/python -m mkdocs build --strict
-	@echo "docs: open build/site/index.html; its search needs a server: python3 -m http.server --bind 127.0.0.1 -d build/site"
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+	@echo "docs: open build/site/index.html in a browser; search included, it needs no server"
 
 labs: setup ## Open the notebooks of labs/ in the browser; installs JupyterLab the first time
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt jupyterlab

@@ -1,15 +1,17 @@
 """Options and help of `tripod bag`: what can be done with recordings."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from tripod_bringup.long_work import loading
 from tripod_bringup.node_command import NODES, NodeCommand, RosCommand, run_node_command
-from tripod_bringup.options import Recording, Subnet, To, examples
+from tripod_bringup.options import NodeSettings, OldSettings, Recording, Subnet, To, examples, within
 
 commands = typer.Typer()
-bag = typer.Typer(help="Look into recordings, and play them.", no_args_is_help=True)
+bag = typer.Typer(help="Inspect, play and convert recordings.", no_args_is_help=True)
 
 Topics = Annotated[
     list[str] | None, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas; repeatable.")
@@ -18,14 +20,18 @@ Topics = Annotated[
 
 Number = Annotated[
     int | None,
-    typer.Option("--segment", min=1, help="Only this part between restarts; `tripod bag info` lists them."),
+    typer.Option(
+        "--segment",
+        help="Only this part between restarts; `tripod bag info` lists them.",
+        callback=within(1, such_as="1"),
+    ),
 ]
 
 
 @bag.command(
     epilog=examples(
-        "tripod bag info recordings/tripod_2030-01-31_12-00-00",
-        "tripod bag info recording.mcap --check --json",
+        "tripod bag info last",
+        "tripod bag info last --check --json",
     )
 )
 def info(
@@ -38,19 +44,23 @@ def info(
     ] = False,
 ) -> None:
     """Tell what a recording holds: topics, types, counts, rates, time span."""
-    from tripod_record.info import info_command  # noqa: PLC0415
+    with loading("tripod bag info"):
+        from tripod_record.info import info_command  # noqa: PLC0415
 
-    raise typer.Exit(info_command(file, as_json=json, check=check))
+    def reading() -> AbstractContextManager[None]:
+        return loading("tripod bag info", f"reading {file.name}")
+
+    raise typer.Exit(info_command(file, as_json=json, check=check, reading=reading))
 
 
 @bag.command(
     cls=RosCommand,
     epilog=examples(
-        "tripod bag play recordings/NAME",
-        "tripod bag play recordings/NAME --to sim --rate inf",
-        "tripod bag play recordings/NAME --to sim --segment 2",
-        "tripod bag play recordings/NAME --to robot --start 2.5 --rate 0.5",
-        "tripod bag play recordings/NAME --topics 'sim/* /tf'",
+        "tripod bag play last",
+        "tripod bag play last --to sim --rate inf",
+        "tripod bag play last --to sim --segment 2",
+        "tripod bag play last --to robot --start 2.5 --rate 0.5",
+        "tripod bag play last --topics 'sim/* /tf'",
     ),
 )
 def play(
@@ -91,9 +101,9 @@ def play(
 
 @bag.command(
     epilog=examples(
-        "tripod bag export recordings/NAME angles.csv",
-        "tripod bag export recordings/NAME all.npz --topics '/*'",
-        "tripod bag export recordings/NAME table.parquet",
+        "tripod bag export last angles.csv",
+        "tripod bag export last all.npz --topics '/*'",
+        "tripod bag export last table.parquet",
     )
 )
 def export(
@@ -110,12 +120,13 @@ def export(
     csv and parquet: one table, at the times of all messages, with the newest value then. npz: each topic at its own
     times.
     """
-    from tripod_bringup.bag_export import export_command  # noqa: PLC0415
+    with loading("tripod bag export"):
+        from tripod_bringup.bag_export import export_command  # noqa: PLC0415
 
     raise typer.Exit(export_command(file, out, " ".join(topics or ()), segment))
 
 
-@bag.command(epilog=examples("tripod bag plot recordings/NAME curves.png"))
+@bag.command(epilog=examples("tripod bag plot last curves.png"))
 def plot(
     file: Recording,
     out: Annotated[
@@ -125,12 +136,13 @@ def plot(
     segment: Number = None,
 ) -> None:
     """Draw angles, effector, ball and errors of a recording."""
-    from tripod_bringup.bag_export import plot_command  # noqa: PLC0415
+    with loading("tripod bag plot"):
+        from tripod_bringup.bag_export import plot_command  # noqa: PLC0415
 
     raise typer.Exit(plot_command(file, out, segment))
 
 
-@bag.command(epilog=examples("tripod bag html recordings/NAME session.html"))
+@bag.command(epilog=examples("tripod bag html last session.html"))
 def html(
     file: Recording,
     out: Annotated[
@@ -141,7 +153,8 @@ def html(
     segment: Number = None,
 ) -> None:
     """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
-    from tripod_bringup.bag_export import html_command  # noqa: PLC0415
+    with loading("tripod bag html"):
+        from tripod_bringup.bag_export import html_command  # noqa: PLC0415
 
     raise typer.Exit(html_command(file, out, " ".join(topics or ()), segment))
 
@@ -149,10 +162,9 @@ def html(
 @commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))
 def record(
     context: typer.Context,
-    values: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters; see the table below.")
-    ] = None,
+    values: OldSettings = None,
     *,
+    set_: NodeSettings = None,
     topics: Topics = None,
     all_: Annotated[
         bool, typer.Option("--all", "-a", help="Record all there is, of every namespace, derived topics too.")
@@ -167,4 +179,4 @@ def record(
         words += ["topics:=/*", "exclude:=", "derived:=true"]
     elif topics:
         words.append(f"topics:={' '.join(topics)}")
-    raise typer.Exit(run_node_command("record", words, subnet=subnet, ros=context.obj))
+    raise typer.Exit(run_node_command("record", words, set_ or [], subnet=subnet, ros=context.obj))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tripod_bringup.bag_play import chosen, tell_unread
+from tripod_bringup.long_work import interruptible
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, Progress, progress_bar
 from tripod_host.writing import check_place, replaced, replaced_text
 from tripod_record.bag import Bag
@@ -83,7 +84,10 @@ def _restrict(bag: Bag, segment: int | None) -> None:
         return
     found = [read_segments(bag, namespace) for namespace in simulators(bag)]
     if len(found) != 1:
-        raise RecordError(f"{bag.info.path} holds {len(found)} simulators; --segment needs one")
+        raise RecordError(
+            f"{bag.info.path} contains {len(found)} simulators, and --segment applies to one; choose it "
+            "with --topics"
+        )
     bag.span = log_times(found[0], chosen_segment(bag, found[0], segment).number)
 
 
@@ -106,13 +110,18 @@ def html_command(file: Path, out: Path | None, topics: str, segment: int | None 
         try:
             pictures.check()
             bag = Bag(file)
-            with bag.accounted():
-                session = read_session("html", bag, chosen(topics), segment)
-                rerun = session.rerun()
-            with progress_bar(shown=sys.stderr.isatty()) as progress:
+            with progress_bar(f"reading {file.name}", shown=sys.stderr.isatty()) as progress:
+                with bag.accounted():
+                    session = read_session("html", bag, chosen(topics), segment)
+                    _say(progress, "building the scene")
+                    rerun = session.rerun()
+                _say(progress, "simulating again")
                 arrays = session_arrays(rerun, session.segment, progress)
             if not pictures.write(arrays):
-                raise RecordError(f"{bag.info.path} has no step that can be made again")
+                raise RecordError(
+                    f"{bag.info.path} contains no step that can be simulated again; was the simulator recorded "
+                    "from its start?"
+                )
         except PictureError as error:
             raise RecordError(str(error)) from None
         if rerun.outcome.different:
@@ -122,7 +131,8 @@ def html_command(file: Path, out: Path | None, topics: str, segment: int | None 
     code = _run("html", out, write)
     if different:
         print(
-            f"tripod bag html: what is shown is not what was recorded, from {different[0]} on",
+            f"tripod bag html: the simulation differs from the recording, from {different[0]} on; was it "
+            "recorded by this version, on this machine?",
             file=sys.stderr,
         )
         return FAILED
@@ -176,7 +186,8 @@ def _check_parquet() -> None:
 
 def _run(name: str, out: Path, write: Callable[[], Bag]) -> int:
     try:
-        bag = write()
+        with interruptible(f"tripod bag {name}", out):
+            bag = write()
     except StepError as error:
         return _complain(name, error, FAILED)
     except (RecordError, SceneError, ImportError) as error:

@@ -37,14 +37,15 @@ def joint_path(bag: Bag, wanted: Callable[[str], bool]) -> JointPath:
         topics = [t for t in bag.topics if is_source(t) and wanted(t)]
         if len(topics) > 1:
             raise RecordError(
-                f"{bag.info.path} holds {len(topics)} robots, {', '.join(topics)}: choose one by --topics"
+                f"{bag.info.path} contains {len(topics)} robots, {', '.join(topics)}: choose one with --topics"
             )
         if topics:
             times, joints = read(bag, topics[0])
             if len(times):
                 return _rising(times, joints, len(joints[0]) - (read is _commanded))
     raise RecordError(
-        f"{bag.info.path} holds no motion of the joints ({names.COMMANDS}, {names.ROBOT_JOINT_STATES} or {TRAJECTORY})"
+        f"{bag.info.path} contains no motion of the joints ({names.COMMANDS}, "
+        f"{names.ROBOT_JOINT_STATES} or {TRAJECTORY}); record one of these topics"
     )
 
 
@@ -91,7 +92,10 @@ def _planned(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
             continue
         rows = [_row(topic, message.joint_names, point.positions) for point in message.points]
         if joints and len(rows[0]) != len(joints[0]):
-            raise RecordError(f"{topic} changes from {len(joints[0])} joints to {len(rows[0])}")
+            raise RecordError(
+                f"{topic} changes from {len(joints[0])} joints to {len(rows[0])}: two robots on one topic? "
+                "Record them in namespaces of their own"
+            )
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         begin = 1e-9 * (
             max(heard.log_time, stamp if stamp < bag.start + 1e9 * bag.info.duration else 0) - bag.start

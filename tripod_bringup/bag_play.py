@@ -49,7 +49,7 @@ def play_command(
     try:
         check(to, rate, start)
         if segment is not None and to is not To.SIM:
-            raise RecordError(f"--segment is of --to sim; --to {to.value} plays from --start on")
+            raise RecordError(f"--segment belongs to --to sim; with --to {to.value} use --start")
         if sys.stderr.isatty():
             print(f"tripod bag play: reading {printable(str(file))}{THEN[to]}", file=sys.stderr, flush=True)
         bag = Bag(file)
@@ -108,7 +108,7 @@ def check(to: To, rate: float, start: float) -> None:
     low, high = RATES
     if not (low <= rate <= high or (to is To.SIM and rate == math.inf)):
         also = ", or inf: as fast as it can" if to is To.SIM else ""
-        raise RecordError(f"--rate is {rate:g}; allowed is {low:g} to {high:g}{also}")
+        raise RecordError(f"--rate is {rate:g}; allowed: {low:g} to {high:g}{also}")
     if not 0 <= start < math.inf:
         raise RecordError(f"--start is {start:g} s; it must not be negative")
 
@@ -192,8 +192,8 @@ def _as_topics(bag: Bag, topics: str, start: float, rate: float) -> Callable[[],
         left = [t for t in bag.topics if not played(t) and is_selected(t, "/", wanted, ())]
         if left:
             print(
-                f"tripod bag play: not played: {printable(', '.join(left))}; these command robots, or every node "
-                "publishes them: name those that you want by --topics",
+                f"tripod bag play: not played: {printable(', '.join(left))}; these topics command robots, or "
+                "every node publishes them: name those that you want with --topics",
                 file=sys.stderr,
             )
         return TopicPlayer(bag, played, start=start, rate=rate)

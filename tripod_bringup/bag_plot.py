@@ -84,7 +84,10 @@ def draw(series: dict[str, Series], path: Path, title: str) -> None:
         raise RecordError("a plot needs matplotlib: pip install matplotlib, or make setup") from None
     shown = panels(series)
     if not shown:
-        raise RecordError("nothing to draw: no angles, poses or errors were recorded")
+        raise RecordError(
+            "nothing to draw: the recording has no angles, poses or errors; `tripod bag info` lists its "
+            "topics"
+        )
     figure = Figure(figsize=(10, 0.6 + 2.4 * len(shown)), layout="constrained")
     for axes, (what, unit, curves) in zip(
         figure.subplots(len(shown), 1, squeeze=False, sharex=True)[:, 0], shown, strict=True

@@ -81,8 +81,8 @@ def read_sessions(bag: Bag, wanted: Callable[[str], bool] = lambda _: True) -> l
     sessions = [Session(bag, name, segment) for name in whole for segment in read_segments(bag, name)]
     if not sessions:
         raise RecordError(
-            f"{bag.info.path} does not hold what the simulator was given ({names.SCENE} and {names.COMMANDS}): "
-            "it cannot be played into the simulator"
+            f"{bag.info.path} does not contain the input of the simulator ({names.SCENE} and "
+            f"{names.COMMANDS}), so it cannot be played into one; record all topics"
         )
     return sessions
 
@@ -100,7 +100,8 @@ def read_session(
     if number is None and len(sessions) > 1:
         line = segment_lines(bag, segments)[chosen.number - 1]
         print(
-            f"tripod bag {command}: {line}; it is the longest of {len(sessions)}: --segment N takes another",
+            f"tripod bag {command}: {line}; it is the longest of {len(sessions)}: choose another with "
+            "--segment N",
             file=sys.stderr,
         )
     return sessions[chosen.number - 1]

@@ -69,7 +69,7 @@ class SimPlayer(SimNode):
         topic = self.resolve_topic_name(names.BODY_STATE)
         if found := publisher_elsewhere(self, [topic]):
             raise RecordError(
-                f"{found[1]} simulates in this graph already, and two would mix: stop it, or set another "
+                f"{found[1]} is already simulating here, and the two would mix: stop it, or set another "
                 "ROS_DOMAIN_ID; `tripod view` shows what is played"
             )
         super()._join_graph(simulation)
@@ -85,7 +85,7 @@ class SimPlayer(SimNode):
 def outcome_text(found: Outcome) -> str:
     """Return how the bodies compare, in one line."""
     gaps = [
-        *([f"{found.lost} steps of which the recording lacks the beginning"] if found.lost else []),
+        *([f"{found.lost} steps whose beginning was not recorded"] if found.lost else []),
         *([f"{found.unknown} bodies without their steps"] if found.unknown else []),
     ]
     left = f"; left out: {', '.join(gaps)}" if gaps else ""

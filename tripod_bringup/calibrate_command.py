@@ -165,7 +165,7 @@ class CalibrateSession:
         if self._safety.state is State.FAULT:
             self._end(FAILED, self._safety.message)
         elif self._left and not self._safety.can_move:
-            self._end(0, f"the servos keep their place: {self._safety.message}")
+            self._end(0, f"the servos stay where they are: {self._safety.message}")
         elif self._left and self.calibrator.parked and there and self._driver.at_rest:
             self._end(0, "the servos are parked")
 
@@ -216,7 +216,7 @@ class CalibrateSession:
             self.calibrator.notice = f"not written: {self._file}: {error.strerror}"
             return
         self.calibrator.saved()
-        self.console.print(f"written: {self._file}; use it: tripod driver calibration:={self._file}")
+        self.console.print(f"written: {self._file}; use it: tripod driver --set calibration={self._file}")
 
     def _end(self, code: int, said: str) -> None:
         self.console.print(said)
@@ -253,9 +253,9 @@ def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_t
         check_place(file)
         sessions = calibrating_sessions(protocol, known)
         place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
-        terminal = Terminal()
+        terminal = Terminal(program="it")
     except (ValueError, TerminalError) as error:
-        print(f"tripod calibrate: {error}".replace("teleop needs", "it needs"), file=sys.stderr)
+        print(f"tripod calibrate: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     except OSError as error:
         print(f"tripod calibrate: {file} cannot be written: {error.strerror}", file=sys.stderr)

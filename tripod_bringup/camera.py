@@ -18,7 +18,7 @@ def camera_images(source: str, size: tuple[int, int]) -> Callable[[], NDArray[np
     capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
     if not capture.isOpened():
         raise DataError(
-            f"--camera {source}: it cannot be opened; is it there, and not used by another program?"
+            f"--camera {source} cannot be opened; is it connected, and not used by another program?"
         )
     capture.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
@@ -26,7 +26,7 @@ def camera_images(source: str, size: tuple[int, int]) -> Callable[[], NDArray[np
     def image() -> NDArray[np.uint8]:
         good, found = capture.read()
         if not good:
-            raise DataError(f"--camera {source}: no more images come; is it still connected?")
+            raise DataError(f"--camera {source} sends no more images; is it still connected?")
         return np.asarray(found, dtype=np.uint8)
 
     return image

@@ -21,14 +21,14 @@ def report_demo(
     """
     facts = recording_facts(Path(recording), lost) if recording else None
     if facts is None and expect_recording:
-        facts = RecordingFacts(Path(), 0, None, "the recorder told no path")
+        facts = RecordingFacts(Path(), 0, None, "the recorder did not report its file")
     rows = summary_rows(measured, facts)
     width = max(len(name) for name, _ in rows)
     for name, figure in rows:
         screen.line(f"{name:<{width}}  {figure}")
     found = problems(measured, facts)
     for problem in found:
-        print(f"tripod up: the demo did not run as it should: {problem}", file=sys.stderr)
+        print(f"tripod up: the demo failed: {problem}", file=sys.stderr)
     return not found
 
 

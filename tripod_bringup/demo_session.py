@@ -156,7 +156,9 @@ class DemoSession:
             self._enter(Phase.SETTLE, now)
         elif elapsed > 0.3 + self.times.move + self.times.arrive:
             joints = ", ".join(f"{value:.4f}" for value in heard.joints)
-            return self._fail(f"the simulated joints stayed at {joints} instead of the working pose", now)
+            return self._fail(
+                f"the simulated joints stayed at {joints} and did not reach the working pose", now
+            )
         elif (
             self._commands < 2
         ):  # again where the first ended on the way, this process having been silent too long

@@ -17,7 +17,7 @@ from tripod_bringup.doctor_ports import ask_device, check_ports
 from tripod_bringup.lock import DomainError, domain_id
 from tripod_graph.log_place import check_log_place, log_place
 from tripod_graph.loopback import check_loopback
-from tripod_host.failures import ELSEWHERE, existing, first_writable, kernel_places
+from tripod_host.failures import ELSEWHERE, RemediedError, existing, first_writable, kernel_places
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place, free_space
 
@@ -112,9 +112,8 @@ def check_start(environment: Mapping[str, str] = os.environ) -> Check:
     try:
         check_loopback()
         check_log_place(environment)
-    except OSError as error:
-        found, _, advice = str(error).partition("; ")
-        return Check("start of nodes", Verdict.FAIL, found, advice)
+    except RemediedError as error:
+        return Check("start of nodes", Verdict.FAIL, error.found, error.remedy)
     return Check("start of nodes", Verdict.OK, f"loopback works, logs in {log_place(environment)}")
 
 

@@ -7,13 +7,15 @@ from pathlib import Path
 
 from tripod_bringup.check import Check, Verdict
 from tripod_bringup.doctor import examine
+from tripod_bringup.long_work import loading
 
 COLOURS = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "bold red"}
 
 
 def doctor_command(recordings: Path, *, as_json: bool, ask: bool = False) -> int:
     """Examine the machine and print the findings; return 1 if a check failed, else 0."""
-    checks = examine(recordings, ask=ask)
+    with loading("tripod doctor", "checking"):
+        checks = examine(recordings, ask=ask)
     if as_json:
         print(json.dumps([asdict(check) | {"verdict": check.verdict.value} for check in checks], indent=1))
     else:

@@ -16,7 +16,9 @@ NAME: Final = "serial port"
 RULES: Final = Path(__file__).resolve().parents[1] / "tripod_driver" / "60-tripod.rules"
 """The udev rule: whoever sits at this machine may open the robot's boards."""
 
-MUTE: Final = "the workshop's firmware never answers, drive it with protocol:=legacy; else `tripod flash`"
+MUTE: Final = (
+    "the workshop's firmware never answers, drive it with --set protocol=legacy; else `tripod flash`"
+)
 HINT: Final = "`tripod doctor --ask` tells firmware and round-trip time; opening the port resets the board"
 
 
@@ -67,7 +69,9 @@ def _check(
         who = ", ".join(map(str, holding))
         return Check(NAME, Verdict.WARN, f"{port}, in use by {who}", "stop it before you start the driver")
     if not port.board:
-        return Check(NAME, Verdict.OK, f"{port}, no known board", f"if it is the robot: port:={port.device}")
+        return Check(
+            NAME, Verdict.OK, f"{port}, no known board", f"if it is the robot: --set port={port.device}"
+        )
     return Check(NAME, Verdict.OK, str(port), HINT) if answer_of is None else _asked(port, answer_of)
 
 

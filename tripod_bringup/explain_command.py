@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripod_bringup.options import Json, Overrides, examples
+from tripod_bringup.long_work import interruptible, loading
+from tripod_bringup.options import Json, Overrides, examples, within
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from tripod_sim.spatial_error import SpatialError
 
 HELP = (
-    "Show what a scene costs here: the stages of a step, memory, and what is switched off and would cost.\n\n"
+    "Show what a step of a scene costs, by stages and effects.\n\n"
     "The step is a typical one: half way through the scene, while its servos turn. Exit codes: 0, or 2 for a bad scene "
     "or option, 1 where a step cannot be made."
 )
@@ -45,7 +46,11 @@ def explain(
     *,
     set_: Overrides = None,
     at: Annotated[
-        float | None, typer.Option(help="Simulated time of the steps that are timed \\[s].")
+        float | None,
+        typer.Option(
+            help="Simulated time of the steps that are timed \\[s].",
+            callback=within(0, unit="s", such_as="1.5"),
+        ),
     ] = None,
     costs: Annotated[
         bool, typer.Option("--costs/--no-costs", help="Measure what absent effects would cost.")
@@ -73,13 +78,17 @@ def explain_command(
     quiet: bool,
 ) -> int:
     """Measure, print and return the exit code: 0, 2 bad arguments, 1 a step cannot be made."""
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.explain.report import explain  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    with loading("tripod explain", shown=not quiet):
+        from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
+        from tripod_sim.explain.report import explain  # noqa: PLC0415
+        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
     estimated: SpatialError | None = None
     try:
-        with progress_note(shown=not quiet and sys.stderr.isatty()) as progress:
+        with (
+            interruptible("tripod explain"),
+            progress_note(shown=not quiet and sys.stderr.isatty()) as progress,
+        ):
             if error:  # first: what has no static state is told at once
                 from tripod_sim.spatial_error import spatial_error  # noqa: PLC0415 - only where it is asked for
 
@@ -114,7 +123,7 @@ def progress_note(*, shown: bool) -> "Iterator[Progress | None]":
 
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
+        task = bar.add_task("building the scene", total=1.0)
         yield lambda done, text: bar.update(task, completed=done, description=text)
 
 

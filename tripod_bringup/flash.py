@@ -28,9 +28,9 @@ def firmware_file(given: Path | None) -> Path:
         where = (
             f"make -C {FIRMWARE}" if FIRMWARE.is_dir() else "make -C firmware, in a checkout of the project"
         )
-        raise FlashError(f"no firmware at {file}; build it: {where}")
+        raise FlashError(f"no firmware file {file}; build it: {where}")
     if file.suffix not in (".hex", ".elf"):
-        raise FlashError(f"firmware {file} is neither .hex nor .elf")
+        raise FlashError(f"firmware {file} must be a .hex or .elf file")
     return file
 
 
@@ -44,13 +44,13 @@ def flash_arguments(avrdude: str, file: Path, port: str, baud: int) -> list[str]
 def find_port(word: str) -> str:
     """Return the device for `word`, a path or `auto`. Raises FlashError, also where another program has it open."""
     try:
-        device = find_board(serial_ports()).device if word == AUTO else word
+        device = find_board(serial_ports(), "--port PATH").device if word == AUTO else word
     except PortError as error:
-        raise FlashError(str(error).replace("port:=PATH", "--port PATH")) from None
+        raise FlashError(str(error)) from None
     if not Path(device).exists():
         raise FlashError(f"{device} does not exist; `tripod doctor` lists the ports")
     if holding := holders(device):
-        raise FlashError(f"{device} is in use by {', '.join(map(str, holding))}; stop it first")
+        raise FlashError(f"{device} is in use by {', '.join(map(str, holding))}; stop that program first")
     return device
 
 
@@ -82,5 +82,5 @@ def flash_command(
         )
         print(f"tripod flash: avrdude failed with code {code}; {advice}", file=sys.stderr)
     else:
-        print("written; `tripod doctor --ask` tells the firmware that answers")
+        print("written; `tripod doctor --ask` shows which firmware answers")
     return code

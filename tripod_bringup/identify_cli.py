@@ -1,11 +1,12 @@
-"""Options and help of what holds a scene against measured data: `score`, `identify`."""
+"""Options and help of `tripod identify`."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import Json, Overrides, Quiet, Report, SceneArgument, examples
+from tripod_bringup.options import Json, Overrides, Quiet, Report, SceneArgument, examples, given_options
 
 commands = typer.Typer()
 
@@ -41,60 +42,34 @@ Renames = Annotated[
 
 Poses = Annotated[bool, typer.Option("--poses", help="Each row is a pose at rest, whatever its time.")]
 
-Plot = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write the picture alone.")]
+Plot = Annotated[
+    Path | None, typer.Option(metavar="FILE.png", help="With --score: write the picture of the comparison.")
+]
+
+FIT_OPTIONS = ("fit", "prior", "hold_out", "mesh", "profile", "propose", "candidates", "out")
+"""What says nothing with `--score`."""
 
 
 @commands.command(
     epilog=examples(
-        "tripod score tripod poses.csv",
-        "tripod score robot.toml recordings/NAME --align translation --report score.html",
-    )
-)
-def score(
-    scene: SceneArgument,
-    data: Data,
-    *,
-    align: Align = "none",
-    set_: Overrides = None,
-    point: Points = None,
-    rename: Renames = None,
-    poses: Poses = False,
-    report: Report = None,
-    plot: Plot = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Tell how far a scene is from measured data; nothing is fitted."""
-    from tripod_bringup.score_command import score_command  # noqa: PLC0415
-
-    raise typer.Exit(
-        score_command(
-            scene,
-            data,
-            align=align,
-            overrides=set_ or [],
-            points=point or [],
-            renames=rename or [],
-            poses=poses,
-            report=report,
-            plot=plot,
-            as_json=json,
-            quiet=quiet,
-        )
-    )
-
-
-@commands.command(
-    epilog=examples(
-        "tripod identify tripod poses.csv --fit material.young --fit servos.zero --fit servos.slide --out robot.toml",
-        "tripod identify tripod poses.csv --fit material.young --align translation --hold-out 0.2 --report report.html",
-        "tripod identify tripod poses.csv --fit material.young --fit material.mass --prior material.mass=0.03~0.001",
+        "tripod identify tripod examples/poses.csv --score",
+        "tripod identify tripod examples/poses.csv --fit servos.zero",
+        "tripod identify tripod examples/poses.csv --fit servos.zero --out robot.toml --json > robot.json",
+        "tripod identify tripod examples/poses.csv --fit material.young --align translation --hold-out 20% "
+        "--report report.html",
+        "tripod identify tripod examples/poses.csv --fit material.young --fit material.mass --prior "
+        "material.mass=0.03~0.001",
     )
 )
 def identify(
+    context: typer.Context,
     scene: SceneArgument,
     data: Data,
     *,
+    score: Annotated[
+        bool,
+        typer.Option("--score", help="Fit nothing: print how far the scene is from the data."),
+    ] = False,
     fit: Annotated[
         list[str] | None,
         typer.Option(
@@ -133,10 +108,32 @@ def identify(
         Path | None, typer.Option(metavar="FILE.toml", help="Write the scene with the values found.")
     ] = None,
     report: Report = None,
+    plot: Plot = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find values of a scene from measured data, with bars, and name those that the data do not tell."""
+    """Fit a scene to measured data, or compare them (--score).
+
+    Prints each value with its interval, and the values that the data do not determine.
+    """
+    foreign = given_options(context, FIT_OPTIONS if score else ("plot",))
+    if foreign:
+        remedy = (
+            "is for a fit; leave it out, or leave out --score"
+            if score
+            else "needs --score; a fit draws its pictures into --report FILE.html"
+        )
+        print(f"tripod identify: {foreign[0]} {remedy}", file=sys.stderr)
+        raise typer.Exit(2)
+    if score:
+        from tripod_bringup.score_command import score_command  # noqa: PLC0415
+
+        raise typer.Exit(
+            score_command(
+                scene, data, align=align, overrides=set_ or [], points=point or [], renames=rename or [],
+                poses=poses, report=report, plot=plot, as_json=json, quiet=quiet,
+            )
+        )  # fmt: skip
     from tripod_bringup.identify_command import identify_command  # noqa: PLC0415
 
     raise typer.Exit(

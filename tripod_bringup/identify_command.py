@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tripod_bringup.compiling import compiling_told
+from tripod_bringup.long_work import interruptible, loading
 from tripod_bringup.measured_data import opened
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
 from tripod_bringup.score_command import print_table
@@ -48,11 +49,12 @@ def identify_command(
     quiet: bool,
 ) -> int:
     """Identify, print, write and return the exit code: 2 bad input, 1 nothing was found."""
-    from tripod_identify.identify import Wanted  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.identify_report import identify_report, scene_text  # noqa: PLC0415
-    from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
-    from tripod_record.errors import RecordError  # noqa: PLC0415
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+    with loading("tripod identify", shown=not quiet):
+        from tripod_identify.identify import Wanted  # noqa: PLC0415 - not needed for the help
+        from tripod_identify.identify_report import identify_report, scene_text  # noqa: PLC0415
+        from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
+        from tripod_record.errors import RecordError  # noqa: PLC0415
+        from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
 
     command = shlex.join(["tripod", *sys.argv[1:]])
     try:
@@ -135,7 +137,8 @@ def identified(
     from tripod_identify.identify import identify  # noqa: PLC0415 - not needed for the help
 
     with (
-        progress_bar(shown=not quiet and sys.stderr.isatty()) as bar,
+        interruptible(program),
+        progress_bar("building the scene", shown=not quiet and sys.stderr.isatty()) as bar,
         compiling_told(program, bar.say if bar else None) if not quiet else nullcontext(),
     ):
 
@@ -182,7 +185,10 @@ def _prior(word: str) -> "tuple[str, Prior]":
     except ValueError:
         prior = Prior(math.nan, math.nan)
     if not (name and math.isfinite(prior.value) and prior.sd > 0 and math.isfinite(prior.sd)):
-        raise DataError(f"--prior {word!r} is not of the form NAME=VALUE~SD, with SD above 0")
+        raise DataError(
+            f"--prior {word!r} is not of the form NAME=VALUE~SD, with SD above 0, such as "
+            "material.mass=0.03~0.001"
+        )
     return name.strip(), prior
 
 

@@ -1,5 +1,6 @@
 """Options and help of inverse kinematics: `reach`, `ik`."""
 
+import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -8,13 +9,36 @@ import typer
 
 from tripod_bringup.accuracy_option import Accuracy, Budget, Study
 from tripod_bringup.node_command import NODES, NodeCommand, run_node_command
-from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples, metres
+from tripod_bringup.options import (
+    Json,
+    OldSettings,
+    Overrides,
+    Quiet,
+    SceneArgument,
+    SceneName,
+    SceneNodeSettings,
+    Subnet,
+    examples,
+    given_options,
+    metres,
+    within,
+)
 
 commands = typer.Typer()
 
+SLIDE = within(0, 0.1, unit="m", such_as="35mm")
+"""Check of a slide; scenes have closer bounds of their own."""
+
+_TORQUE = within(0, unit="N m", such_as="0.3", above=True)
+
+
+def _positive_or_infinite(value: float) -> float:
+    return value if value == math.inf else float(_TORQUE(value))
+
 
 Slide = Annotated[
-    float, typer.Option(parser=metres, metavar="LENGTH", help="Inward slide \\[m], or as 35mm.")
+    float,
+    typer.Option(parser=metres, metavar="LENGTH", help="Inward slide \\[m], or as 35mm.", callback=SLIDE),
 ]
 
 
@@ -34,14 +58,25 @@ def reach(
     high: Annotated[
         float | None, typer.Option(help="Largest angle \\[rad]; by default where the strips are stretched.")
     ] = None,
-    count: Annotated[int, typer.Option(min=2, max=101, help="Angles of each servo to try.")] = 11,
-    torque_max: Annotated[float, typer.Option(help="Torque that a servo can bear \\[N m].")] = 0.17,
+    count: Annotated[
+        int, typer.Option(help="Angles of each servo to try.", callback=within(2, 101, such_as="11"))
+    ] = 11,
+    torque_max: Annotated[
+        float,
+        typer.Option(
+            help="Largest torque of a servo \\[N m].",
+            callback=within(0, unit="N m", such_as="0.17", above=True),
+        ),
+    ] = 0.17,
     out: Annotated[Path | None, typer.Option(help="Write every pose to this CSV file.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it into this .png, .svg or .pdf file.")] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute what the effector can reach: positions, heights, tilts, and what torque is left."""
+    """Compute the workspace of the effector.
+
+    Prints the positions, heights and tilts that it can reach, and the torque that is left there.
+    """
     from tripod_bringup.reach_command import reach_command  # noqa: PLC0415
 
     raise typer.Exit(
@@ -62,22 +97,21 @@ def reach(
 
 
 IK_HELP = (
-    "Run inverse kinematics: target poses in, servo angles out.\n\n"
-    "With --target it solves once, without ROS, prints angles, residual, torques and active limits, and ends. "
-    "Exit codes then: 0 reached, 1 not reached, 2 bad arguments. All other options belong to --target."
+    "Find servo angles for a target, or run the ROS node for it.\n\n"
+    "With --target it needs no ROS: it prints angles, residual, torques and active limits. "
+    "Exit codes: 0 reached, 1 not reached, 2 bad arguments. "
+    "Without --target only --set and --subnet are allowed."
 )
 
 
 @commands.command("ik", cls=NodeCommand, help=IK_HELP, epilog=examples(*NODES["ik"].examples))
 def ik(
     context: typer.Context,
-    values: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters of the node; see below.")
-    ] = None,
+    values: OldSettings = None,
     *,
     target: Annotated[
         str | None,
-        typer.Option(metavar='"X Y Z"', help="Where the effector is to be \\[m], or as 5mm: solve once."),
+        typer.Option(metavar='"X Y Z"', help="Target of the effector \\[m], or as 5mm."),
     ] = None,
     goal: Annotated[
         str, typer.Option(help="What is asked for: position, orientation (tilt and height), or pose (both).")
@@ -86,14 +120,17 @@ def ik(
         str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad], or as 10deg.")
     ] = "0 0",
     scene: SceneName = "tripod",
-    set_: Overrides = None,
+    set_: SceneNodeSettings = None,
     slide: Slide = 0.035,
     start: Annotated[
         str | None,
         typer.Option(metavar='"A B C"', help="Angles \\[rad] where the robot is; those of the slide."),
     ] = None,
     torque_max: Annotated[
-        float, typer.Option(help="Largest torque of a servo \\[N m], as of the node; inf for none.")
+        float,
+        typer.Option(
+            help="Largest torque of a servo \\[N m]; inf for no limit.", callback=_positive_or_infinite
+        ),
     ] = 0.3,
     box: Annotated[
         str | None,
@@ -115,18 +152,16 @@ def ik(
     subnet: Subnet = False,
 ) -> None:
     """Run the node, or solve once; the help is `IK_HELP`."""
-    given = [
-        parameter.opts[0]
-        for parameter in context.command.params
-        if parameter.name not in ("values", "subnet")
-        and (source := context.get_parameter_source(str(parameter.name)))
-        and source.name == "COMMANDLINE"
-    ]
+    known = {str(parameter.name) for parameter in context.command.params}
+    given = given_options(context, known - {"values", "subnet", "set_"})
     if target is None and given:
-        print(f"tripod ik: {given[0]} needs --target; the node has parameters, NAME:=VALUE", file=sys.stderr)
+        print(
+            f"tripod ik: {given[0]} needs --target; the parameters of the node are set by --set NAME=VALUE",
+            file=sys.stderr,
+        )
         raise typer.Exit(2)
     if target is None:
-        raise typer.Exit(run_node_command("ik", values or [], subnet=subnet, ros=context.obj))
+        raise typer.Exit(run_node_command("ik", values or [], set_ or [], subnet=subnet, ros=context.obj))
     if values:
         print(
             f"tripod ik: {values[0]!r} is a parameter of the node; with --target give options",

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.compiling import compiling_told
-from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
+from tripod_bringup.long_work import interruptible, loading
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, print_rows
 
 if TYPE_CHECKING:
     from tripod_sim.scene import Scene
@@ -54,19 +55,21 @@ def solve_command(
     as_json: bool,
 ) -> int:
     """Solve, print and return the exit code: 0 reached, 1 not reached, 2 bad arguments."""
-    if shown := sys.stderr.isatty():
-        overwrite("building the model ...")
-    from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
-    from tripod_ik.accuracy import choose_model  # noqa: PLC0415
-    from tripod_ik.errors import IkError  # noqa: PLC0415
-    from tripod_ik.once import solve_once  # noqa: PLC0415
-    from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
-    from tripod_sim.scene_short import joints_of  # noqa: PLC0415
+    with loading("tripod ik"):
+        from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
+        from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
+        from tripod_ik.accuracy import choose_model  # noqa: PLC0415
+        from tripod_ik.errors import IkError  # noqa: PLC0415
+        from tripod_ik.once import solve_once  # noqa: PLC0415
+        from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
+        from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+        from tripod_sim.scene_short import joints_of  # noqa: PLC0415
 
+    shown = sys.stderr.isatty()
     try:
+        if shown:
+            overwrite("building the model ...")
         if goal not in {str(g) for g in Goal}:
             raise IkError(f"--goal is {goal!r}; allowed: {', '.join(Goal)}")
         corners = numbers("--box", box, 6, "m") if box is not None else None
@@ -78,7 +81,7 @@ def solve_command(
         description = load_scene(scene, overrides)
         joints = joints_of(description)
         begin = None if start is None else numbers("--start", start, joints.count if joints else 3, "rad")
-        with compiling_told("tripod ik", overwrite if shown else None):
+        with interruptible("tripod ik"), compiling_told("tripod ik", overwrite if shown else None):
             result = solve_once(
                 description,
                 numbers("--target", target, 3, "m"),
@@ -104,10 +107,7 @@ def solve_command(
     if as_json:
         print(json.dumps(plain(result)))
     else:
-        rows = solution_rows(result)
-        width = max(len(name) for name, _ in rows)
-        for name, text in rows:
-            print(f"{name:<{width}}  {text}")
+        print_rows(solution_rows(result))
     return 0 if result["reached"] else MISSED
 
 
@@ -129,8 +129,8 @@ def expected_error(scene: "Scene", path: Path, result: Mapping[str, Any], slide:
     apart = float(np.abs(found.poses[0, :3] - result["position"]).max())
     if apart > BRANCH:
         raise DataError(
-            f"--posterior: played from the undeformed body these angles lead to another pose, {1e3 * apart:.2f} mm "
-            "away; nothing is known of the error of this one"
+            "--posterior: starting from the undeformed body these angles lead to another pose, "
+            f"{1000.0 * apart:.2f} mm away, so the error of this one is not known; choose another target"
         )
     parts = ("mesh", "steps", "by_values", "by_mesh", "half")
     return {"expected_error": {name: getattr(found, name)[0].tolist() for name in parts}}

@@ -25,8 +25,9 @@ class DomainBusyError(RuntimeError):
 
     def __init__(self, domain: int, namespace: str, pid: int | None) -> None:
         super().__init__(
-            f"another `tripod up` (process {pid or 'unknown'}) runs on ROS domain {domain} in namespace {namespace}: "
-            "stop it, give this one another --namespace, or set ROS_DOMAIN_ID to another number"
+            f"another `tripod up` (process {pid or 'unknown'}) runs on ROS domain {domain} in namespace "
+            f"{namespace}: stop it, give this one another --namespace, or set ROS_DOMAIN_ID to another "
+            "number"
         )
         self.pid = pid
 

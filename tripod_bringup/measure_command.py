@@ -72,7 +72,7 @@ def measure_command(
         look = _sensor(sensor, camera, side, lens)
         if not data.exists():  # nothing is measured yet: told before poses are chosen, which takes seconds
             allowed(description, lower.tolist(), upper.tolist(), poses)
-            Terminal()
+            Terminal(program="it")
         shown = sys.stderr.isatty()
         with progress_bar(shown=shown) as bar, compiling_told("tripod calibrate", bar.say if bar else None):
             tour = telling_poses(description, LOOKS[sensor], lower.tolist(), upper.tolist(), poses, bar)
@@ -80,7 +80,7 @@ def measure_command(
         left = [k for k in range(len(tour)) if k not in kept.done]
         if left:
             place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
-            terminal = Terminal()
+            terminal = Terminal(program="it")
             with terminal, taken() as asked:
                 terminal.enter()
                 session = MeasureSession(
@@ -89,12 +89,13 @@ def measure_command(
                 code = calibrate(session, stopped=lambda: asked.count)
             if session.left or code:
                 print(
-                    f"tripod calibrate: {len(kept.done)} of {len(tour)} poses are in {data}; the same command goes on"
+                    f"tripod calibrate: {len(kept.done)} of {len(tour)} poses are in {data}; the same command "
+                    "continues"
                 )
                 return code or (INTERRUPTED if asked.count else 0)
         return evaluate(description, kept.path, sensor, known, file=file, out=out, report=report)
     except (CalibrationError, DataError, SceneError, TerminalError, ValueError) as error:
-        return _complain(str(error).replace("teleop needs", "it needs"), BAD_ARGUMENTS)
+        return _complain(str(error), BAD_ARGUMENTS)
     except OSError as error:
         return _complain(f"{error.filename or ''}: {error.strerror or error}".lstrip(": "), BAD_ARGUMENTS)
     except (FitError, StepError) as error:
@@ -136,7 +137,7 @@ def evaluate(
     for name, old, new in zip(servo_names(len(known.servos)), known.servos, calibration.servos, strict=True):
         print(f"{name}: offset {old.offset:.4f} before, {new.offset:.4f} rad now")
     print(f"written: {file}, {out}{f', {report}' if report else ''}")
-    print(f"use them: tripod up {out} --port auto driver.calibration:={file}")
+    print(f"use them: tripod up {out} --port auto --set driver.calibration={file}")
     return 0
 
 
@@ -147,22 +148,22 @@ def zeros_of(result: "Identified") -> list[float]:
     """
     if not result.left.explained:
         raise FitError(
-            "the model does not explain these poses, so the calibration stays; were servos exchanged, the slide or the "
-            "signs wrong?"
+            "the model does not explain these poses, so the calibration was not changed; were servos "
+            "exchanged, or are the slide or signs wrong?"
         )
     found = {f.parameter.name: f.true for f in result.found}
     names = [f"servos.zero.{i}" for i in range(len(result.told.zero))]
     if not set(names) & set(found):
         raise FitError(
-            "these poses tell no servo's zero, so the calibration stays; were they measured in other units, or signs? "
-            "Else measure more of them (--poses), or better"
+            "these poses do not determine the zero of any servo, so the calibration was not changed. Are "
+            "their units and signs right? Else measure more poses (--poses), or more accurately"
         )
     zeros = [found.get(name, 0.0) for name in names]
     for i, zero in enumerate(zeros):
         if abs(zero) > FARTHEST:
             raise FitError(
-                f"servo_{i} would stand {zero:+.2f} rad beyond its command, more than {FARTHEST} rad, so the "
-                "calibration stays; mark flat by hand first: tripod calibrate"
+                f"the zero of servo_{i} would be off by {zero:+.2f} rad, more than {FARTHEST} rad, so the "
+                "calibration was not changed; first mark flat by hand: tripod calibrate"
             )
     return zeros
 

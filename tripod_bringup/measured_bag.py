@@ -56,23 +56,28 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
     commands = _one(series, COMMANDS, path, "commands")
     seen = _one(series, SEEN, path, "measured pose")
     if not effector_of(scene):
-        raise DataError(f"scene {scene.name!r} has no effector, whose pose {path} holds")
+        raise DataError(
+            f"scene {scene.name!r} has no effector, but {path} contains its pose; take the scene of that "
+            "robot"
+        )
     count = scene.servos.count if scene.servos else 0
     known = {n.removeprefix("position.") for n in commands.values if n.startswith("position.")}
     own = names.servo_names(count)
     if not count or set(own) - known or known - {*own, names.SLIDE}:
         raise DataError(
-            f"{path} commands {', '.join(sorted(known)) or 'no joints'}; scene {scene.name!r} has "
-            f"{', '.join(own) or 'no servos'}: is this another robot's recording?"
+            f"{path} has commands for {', '.join(sorted(known)) or 'no joints'}; scene {scene.name!r} has "
+            f"{', '.join(own) or 'no servos'}: does the recording belong to another robot?"
         )
     joints = [commands.values[f"position.{name}"] for name in (*own, names.SLIDE) if name in known]
     values, channels = _channels(seen)
     during = (seen.times >= commands.times[0]) & (seen.times <= commands.times[-1])
     inside = during & ~_in_gap(commands.times, seen.times)
     if not inside.any():
-        raise DataError(f"{path}: nothing was measured while commands were given")
+        raise DataError(
+            f"{path} contains no measurement at a time when commands were given; record both together"
+        )
     missed = np.count_nonzero(during & ~inside)
-    notes = (f"{missed} rows are left out: there is a gap in the commands",) if missed else ()
+    notes = (f"{missed} rows are left out, because commands are missing there",) if missed else ()
     times, values = seen.times[inside], values[inside]
     at = np.column_stack([np.interp(times, commands.times, column) for column in joints])
     slide = at[:, count] if names.SLIDE in known else None
@@ -93,10 +98,10 @@ def _one(series: dict[str, Series], topics: tuple[str, ...], path: Path, what: s
     for name in topics:
         found = [topic for topic in series if topic.endswith(f"/{name}")]
         if len(found) > 1:
-            raise DataError(f"{path} holds several robots: {', '.join(found)}; record one alone")
+            raise DataError(f"{path} contains several robots: {', '.join(found)}; record one alone")
         if found:
             return series[found[0]]
-    raise DataError(f"{path} holds no {what}: none of {', '.join(topics)}")
+    raise DataError(f"{path} contains no {what}: none of {', '.join(topics)}")
 
 
 def _channels(seen: Series) -> tuple[FloatArray, tuple[Channel, ...]]:
@@ -132,7 +137,10 @@ def _stands(measured: Measured, path: Path) -> Measured:
             rows.append((joints[k - 1], _mean(measured.values[late])))
         first = k
     if not rows:
-        raise DataError(f"{path}: the commands never stand for {STILL:g} s, so there is no pose at rest")
+        raise DataError(
+            f"{path}: the commands never stand still for {STILL:g} s, so it contains no pose at rest; "
+            "hold each pose longer"
+        )
     stood = np.array([r[0] for r in rows])
     return Measured(
         None, stood[:, :-1], stood[:, -1] if measured.slide is not None else None, measured.channels,

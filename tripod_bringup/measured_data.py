@@ -24,7 +24,7 @@ def opened(
     poses: bool,
     places: "Sequence[Path | None]",
 ) -> "tuple[Scene, list[Point], Measured]":
-    """Return what `tripod score` and `tripod identify` begin with: the scene, the points, the data.
+    """Return what `tripod identify` begins with: the scene, the points, the data.
 
     Args:
         scene: Name or file of a scene.

@@ -101,7 +101,7 @@ class HeightSensor:
         with suppress(ValueError):
             if abs(height := float(text)) <= HIGHEST:
                 return (height,)
-        self._refused = f"{text} is no height, allowed is up to {HIGHEST:g}; "
+        self._refused = f"{text} is not a height; allowed: up to {HIGHEST:g}; "
         return None
 
     def line(self) -> str:
@@ -141,8 +141,8 @@ class ImuSensor:
             return float(rx), float(ry)
         if now - self._begun > UNANSWERED:
             raise DataError(
-                f"the board told {len(self._readings)} readings of an IMU within {UNANSWERED:g} s; is one connected? "
-                "--identify heights needs none"
+                f"the board sent {len(self._readings)} IMU readings within {UNANSWERED:g} s; is an IMU "
+                "connected? --identify heights needs none"
             )
         return None
 
@@ -289,7 +289,7 @@ class MeasureSession:
             said = (
                 "nothing was moved"
                 if self._player is None
-                else f"the servos keep their place: {self._safety.message}"
+                else f"the servos stay where they are: {self._safety.message}"
             )
             self._end(self._outcome, said)
             return

@@ -2,6 +2,8 @@
 
 import difflib
 import importlib
+import re
+import shlex
 import shutil
 import sys
 import textwrap
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from typer.core import TyperCommand
 
-from tripod_bringup.node_values import RawYaml, node_arguments, read, split_word, typed
+from tripod_bringup.node_values import RawYaml, ValueSyntaxError, node_arguments, read, split_word, typed
 from tripod_graph.loopback import keep_local
 from tripod_graph.run import split_ros
 
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
     from tripod_graph.parameters import Parameter
 
 BAD_ARGUMENTS = 2
+
+SCENE_NODES: Final = ("sim", "ik")
+"""Nodes that load a scene: `--set` changes its fields, too."""
 
 
 @dataclass(frozen=True)
@@ -40,41 +45,47 @@ NODES: Final[Mapping[str, NodeInfo]] = {
         (
             "tripod sim",
             "tripod sim silicone --set material.young=3e5",
-            "tripod sim scene:=silicone",
+            "tripod sim --set pose_rate=100",
             'tripod sim --servo "0:0,0,0; 2:-0.7854,-0.7854,-0.7854"',
         ),
     ),
     "ik": NodeInfo(
-        "Run inverse kinematics: target poses in, servo angles out.",
+        "Find servo angles for a target, or run the ROS node for it.",
         (
-            "tripod ik",
-            "tripod ik goal:=orientation feedback:=imu",
-            "tripod ik feedback:=pose observe_load:=true",
-            'tripod ik --target "0.005 0 -0.006"',
-            'tripod ik --target "0.005 0 -0.006" --accuracy 1%',
+            'tripod ik --target "5mm 0 -6mm"',
+            'tripod ik --target "5mm 0 -6mm" --accuracy 1%',
             'tripod ik --target "0 0 0.005" --goal orientation --tilt "0.2 -0.1" --json',
-            'tripod ik --target "0 0 -0.004" --scene robot.toml --slide 0.023 --posterior robot.json',
+            'tripod ik --target "0 0 -0.004" --scene robot.toml --slide 23mm --posterior robot.json',
+            "tripod ik",
+            "tripod ik --set goal=orientation --set feedback=imu",
+            "tripod ik --set feedback=pose --set observe_load=true",
         ),
     ),
     "driver": NodeInfo(
         "Run the driver of the servos.",
         (
-            "tripod driver port:=mock",
-            "tripod driver port:=/dev/ttyACM0 calibration:=robot.yaml",
-            "tripod driver protocol:=legacy",
+            "tripod driver --set port=mock",
+            "tripod driver --set port=/dev/ttyACM0 --set calibration=robot.yaml",
+            "tripod driver --set protocol=legacy",
         ),
     ),
-    "teleop": NodeInfo("Steer with the keys of this terminal.", ("tripod teleop",)),
-    "view": NodeInfo("Serve the page that shows the robot.", ("tripod view", "tripod view port:=8081")),
+    "teleop": NodeInfo("Steer the robot from the keyboard.", ("tripod teleop",)),
+    "view": NodeInfo(
+        "Serve the page that shows and moves the robot.", ("tripod view", "tripod view --view-port 8081")
+    ),
     "record": NodeInfo(
-        "Record all topics to mcap files.",
+        "Record ROS topics into mcap files.",
         (
             "tripod record",
             "tripod record --topics 'sim/*' --topics /tf",
-            "tripod record --all directory:=/data max_duration:=60",
+            "tripod record --all --set directory=my_recordings --set max_duration=60",
         ),
     ),
 }
+
+
+OLD_FORM: Final = re.compile(r"(?!__)([^=]*):=(.*)", re.DOTALL)
+"""A setting as it was written before `--set`, which ROS still writes so."""
 
 
 class UnknownParameterError(ValueError):
@@ -109,6 +120,54 @@ def parse_values(words: Sequence[str], table: Sequence["Parameter"], node: str) 
     return values
 
 
+def split_settings(
+    settings: Sequence[str], node: str | None = None, known: Sequence[str] = ()
+) -> tuple[list[str], list[str]]:
+    """Return the words of `--set` that set parameters of nodes, as NAME:=VALUE, and those that set fields of the scene.
+
+    Args:
+        settings: Words PATH=VALUE. NODE.NAME sets a parameter of a node, anything else a field of the scene.
+        node: The node, whose name may be left out; None: of `tripod up`, which has several.
+        known: Names of the parameters of `node`.
+
+    Raises:
+        ValueSyntaxError: one is no such word, or names another node.
+
+    >>> split_settings(["driver.rate=25", "dt=0.01"])
+    (['driver.rate:=25'], ['dt=0.01'])
+    >>> split_settings(["rate=25", "view.port=8081"], "view", ["rate", "port"])
+    (['rate:=25', 'port:=8081'], [])
+    """
+    parameters: list[str] = []
+    fields: list[str] = []
+    for word in settings:
+        path, equals, value = word.partition("=")
+        first, _, rest = path.partition(".")
+        if not equals or not path:
+            raise ValueSyntaxError(
+                f"--set {word!r} has no value; write --set NAME=VALUE, such as --set dt=0.01"
+            )
+        if rest and first not in NODES and (meant := difflib.get_close_matches(first, NODES, 1, 0.75)):
+            raise ValueSyntaxError(f"--set {word!r}: no node is named {first!r}; did you mean {meant[0]!r}?")
+        if rest and first in NODES and node not in (None, first):
+            raise ValueSyntaxError(f"--set {word!r} is for the node {first}; this is {node}: leave it out")
+        if rest and first in NODES:
+            parameters.append(f"{rest if node else path}:={value}")
+        elif node and (path in known or node not in SCENE_NODES):
+            parameters.append(f"{path}:={value}")
+        else:
+            fields.append(word)
+    return parameters, fields
+
+
+def name_new_form(program: str, words: Sequence[str]) -> None:
+    """Say on standard error how settings of the old form NAME:=VALUE are written now; nothing without any."""
+    matches = [match for word in words if (match := OLD_FORM.fullmatch(word))]
+    if matches:
+        new = " ".join(f"--set {shlex.quote(f'{match[1]}={match[2]}')}" for match in matches)
+        print(f"{program}: NAME:=VALUE is the old form; write {new}", file=sys.stderr)
+
+
 def check_values(name: str, values: Mapping[str, object]) -> None:
     """Raise ValueError where the node `name` would refuse `values`, as `parse_values` gives them, beside its defaults.
 
@@ -134,13 +193,20 @@ def unknown_name(what: str, name: str, known: Sequence[str]) -> str:
 
 
 def run_node_command(
-    name: str, words: Sequence[str], *, subnet: bool, ros: Sequence[str] = (), beside: object = None
+    name: str,
+    words: Sequence[str],
+    settings: Sequence[str] = (),
+    *,
+    subnet: bool,
+    ros: Sequence[str] = (),
+    beside: object = None,
 ) -> int:
     """Run the node `name` until it is told to stop; return its exit code.
 
     Args:
         name: Of the node.
         words: Its parameters, NAME:=VALUE.
+        settings: Those that `--set` names, NAME=VALUE; of a node that loads a scene also fields of that.
         subnet: Whether others in the local network are heard.
         ros: Words of `--ros-args`.
         beside: What the main function of the node shall run beside it; None: nothing.
@@ -151,8 +217,12 @@ def run_node_command(
     except ImportError as error:
         print(f"tripod {name}: {missing_import(error)}", file=sys.stderr)
         return 1
+    name_new_form(f"tripod {name}", words if settings or name != "sim" else [])
     try:
-        values = parse_values(words, parameter_table(name), name)
+        table = parameter_table(name)
+        parameters, fields = split_settings(settings, name, [p.name for p in table])
+        fields = [f"set:={';'.join(fields)}"] if fields else []
+        values = parse_values([*words, *parameters, *fields], table, name)
     except ValueError as error:
         print(f"tripod {name}: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
@@ -197,7 +267,7 @@ def print_parameters(name: str, table: Sequence["Parameter"]) -> None:
     rows = [("name", "default", "unit", "allowed")]
     rows += [(p.name, _default(p.default), p.unit or "-", _allowed(p) or "any") for p in table]
     widths = [max(len(row[i]) for row in rows) for i in range(3)]
-    print(f"Parameters of {name}, each set by NAME:=VALUE:\n")
+    print(f"Parameters of {name}: --set NAME=VALUE; in ROS's own words --ros-args -p NAME:=VALUE.\n")
     meanings = ["meaning", *(p.help + p.note for p in table)]
     for row, meaning in zip(rows, meanings, strict=True):
         columns = [f"{text:<{width}}" for text, width in zip(row, widths, strict=False)]

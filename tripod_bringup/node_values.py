@@ -17,7 +17,7 @@ def split_word(word: str) -> tuple[str, str]:
     """
     name, sign, value = word.partition(":=")
     if not sign or not name:
-        raise ValueSyntaxError(f"{word!r} is no parameter; write NAME:=VALUE, such as port:=mock")
+        raise ValueSyntaxError(f"{word!r} is no setting; write --set NAME=VALUE, such as --set port=mock")
     return name, value
 
 

@@ -1,8 +1,10 @@
 """Options that several subcommands of `tripod` have, and how their examples are shown."""
 
+import math
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -60,6 +62,48 @@ def metres(text: str | float) -> float:
         raise typer.BadParameter(f"{text!r} is no length in {' or '.join(units_of('m'))}") from None
 
 
+def within(
+    low: float, high: float = math.inf, *, unit: str = "", such_as: str, above: bool = False
+) -> Callable[[Any], Any]:
+    """Return the check of an option whose value has bounds: it returns the value, or raises typer.BadParameter.
+
+    Args:
+        low: Smallest value.
+        high: Largest value; infinity: any finite one.
+        unit: Of the bounds; empty: none.
+        such_as: A value to try, as it is typed.
+        above: Whether `low` itself is not allowed.
+    """
+    of = f" {unit}" if unit else ""
+    if math.isinf(high):
+        allowed = f"{'above' if above else 'at least'} {low:.10g}{of} and finite"
+    else:
+        allowed = f"above {low:.10g}, up to {high:.10g}{of}" if above else f"{low:.10g} to {high:.10g}{of}"
+
+    def check(value: Any) -> Any:
+        if value is None:
+            return value
+        if not low <= value <= high or (above and value == low) or math.isinf(value):
+            raise typer.BadParameter(
+                f"{value:.10g}{of} is out of range; allowed is {allowed}, such as {such_as}"
+            )
+        return value
+
+    return check
+
+
+def given_options(context: typer.Context, names: Iterable[str]) -> list[str]:
+    """Return those of the options with the parameter names `names` that the command line gives, as they are typed."""
+    wanted = set(names)
+    return [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if parameter.name in wanted
+        and (source := context.get_parameter_source(str(parameter.name)))
+        and source.name == "COMMANDLINE"
+    ]
+
+
 def is_recording(path: Path) -> bool:
     """Whether `path` looks like a recording: a file, or the directory of one."""
     return path.suffix == ".mcap" or (path / "metadata.yaml").is_file()
@@ -77,9 +121,37 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        metavar="PATH=VALUE",
-        help="Set a field of the scene, in SI or as 100kPa; repeatable.",
+        metavar="NAME=VALUE",
+        help="Set a field of the scene, in SI units or as 100kPa; repeatable.",
         autocompletion=some_fields,
+    ),
+]
+
+NodeSettings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="Set a parameter of the node, see the table below; repeatable."
+    ),
+]
+
+SceneNodeSettings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Set a parameter of the node, see the table below, or a field of the scene; repeatable.",
+        autocompletion=some_fields,
+    ),
+]
+
+OldSettings = Annotated[list[str] | None, typer.Argument(metavar="NAME:=VALUE", hidden=True)]
+"""Parameters of a node as they were set before `--set`."""
+
+ViewPort = Annotated[
+    int | None,
+    typer.Option(
+        help="Port of the page on this machine; by default a free one.",
+        callback=within(1, 65535, such_as="8080"),
     ),
 ]
 
@@ -91,9 +163,29 @@ SlideScript = Annotated[
     str | None, typer.Option(help='Inward slide \\[m], or as 35mm: a number, or "time:value; ...".')
 ]
 
+LAST = "last"
+"""Word for the newest recording."""
+
+
+def recording(text: str | Path) -> Path:
+    """Return the path of a recording; `LAST` is the newest one in ./recordings. Raises typer.BadParameter."""
+    path = Path(text)
+    if str(text) != LAST or path.exists():
+        return path
+    found = [one for one in Path("recordings").glob("*") if is_recording(one)]
+    if not found:
+        raise typer.BadParameter("no recording in ./recordings; make one: tripod up --record recordings")
+    return max(found, key=lambda one: one.stat().st_mtime)
+
+
 Recording = Annotated[
     Path,
-    typer.Argument(help="An .mcap file, or the directory of a recording.", autocompletion=some_recordings),
+    typer.Argument(
+        metavar="RECORDING",
+        help="An .mcap file, the directory of a recording, or last: the newest in ./recordings.",
+        parser=recording,
+        autocompletion=some_recordings,
+    ),
 ]
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

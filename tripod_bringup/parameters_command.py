@@ -1,4 +1,4 @@
-"""`tripod parameters`: the parameters of all nodes as a parameter file of ROS, from the tables that declare them."""
+"""`tripod print parameters`: the parameters of all nodes as a parameter file of ROS."""
 
 import sys
 import textwrap
@@ -11,7 +11,7 @@ WIDTH = 100
 """Longest line of a comment."""
 
 HEAD = """\
-# Every parameter of every node with its default, written by `tripod parameters`.
+# Every parameter of every node with its default, written by `tripod print parameters`.
 # ros2 launch tripod tripod.launch.py params_file:=FILE, or: ros2 run tripod sim --ros-args --params-file FILE
 # `/**/sim` is the node `sim` in any namespace; `/left/sim` is the one of the robot `left`.
 """
@@ -21,13 +21,14 @@ def parameters_command(nodes: Sequence[str]) -> int:
     """Print the parameters of `nodes`, of all if none is named; return the exit code."""
     if unknown := [name for name in nodes if name not in NODES]:
         print(
-            f"tripod parameters: no node is named {unknown[0]!r}; nodes: {', '.join(NODES)}", file=sys.stderr
+            f"tripod print parameters: no node is named {unknown[0]!r}; nodes: {', '.join(NODES)}",
+            file=sys.stderr,
         )
         return 2
     try:
         print(parameter_file(nodes or list(NODES)), end="")
     except ImportError as error:
-        print(f"tripod parameters: {missing_import(error)}", file=sys.stderr)
+        print(f"tripod print parameters: {missing_import(error)}", file=sys.stderr)
         return 1
     return 0
 

@@ -118,9 +118,9 @@ class ShownRun:
     The block of its `with` ends, after the run, when the user asks for it, by Ctrl-C: until then the page is there.
     """
 
-    def __init__(self, command: str, pictures: Pictures, *, view: bool) -> None:
-        """`command`: its name in messages."""
-        self._command, self._pictures, self._view = command, pictures, view
+    def __init__(self, command: str, pictures: Pictures, *, view: bool, port: int | None = None) -> None:
+        """`command`: its name in messages; `port`: of the page, None for a free one."""
+        self._command, self._pictures, self._view, self._port = command, pictures, view, port
         self._recording: Any = None
         self._film: GrowingFilm | None = None
         self._server: FilmServer | None = None
@@ -141,10 +141,9 @@ class ShownRun:
         stop.before(self._save)
         if self._view:
             from tripod_view.player.live import GrowingFilm  # noqa: PLC0415
-            from tripod_view.player.serve import FilmServer  # noqa: PLC0415
 
             self._film = GrowingFilm(recording.arrays, recording.dt)
-            self._server = FilmServer(self._film.page, self._film.reel)
+            self._server = film_server(self._film.page, self._film.reel, self._port)
             print(f"{self._command}: watch it at {self._server.url}", file=sys.stderr, flush=True)
 
     def end(self, progress: Callable[[float], None] | None = None) -> list[Path]:
@@ -169,16 +168,32 @@ class ShownRun:
             Pictures(html=self._pictures.html, plot=self._pictures.plot).write(self._recording.arrays())
 
 
-def serve_arrays(arrays: Arrays, command: str) -> None:
-    """Serve the page of a finished run until Ctrl-C. Raises FilmError."""
+def film_server(page: Callable[[], str], reel: Callable[[int], Any], port: int | None) -> "FilmServer":
+    """Return the server of a page at a port, None for a free one. Raises PictureError where the port is taken."""
+    from tripod_view.player.serve import FilmServer  # noqa: PLC0415 - not needed for the help
+
+    try:
+        return FilmServer(page, reel, port or 0)
+    except OSError as error:
+        why = error.strerror or error
+        raise PictureError(
+            f"--view-port {port} is not free ({why}); leave it out to take a free port"
+        ) from None
+
+
+def serve_arrays(arrays: Arrays, command: str, port: int | None = None) -> None:
+    """Serve the page of a finished run at a port, None for a free one, until Ctrl-C.
+
+    Raises:
+        FilmError, PictureError: there is nothing to show, or the port is taken.
+    """
     from tripod_view.player.html import player_page  # noqa: PLC0415
     from tripod_view.player.of_run import film_of  # noqa: PLC0415
     from tripod_view.player.packing import reel, stage  # noqa: PLC0415
-    from tripod_view.player.serve import FilmServer  # noqa: PLC0415
 
     film = film_of(arrays)
     page = player_page(stage(film), reel(film))
-    server = FilmServer(lambda: page, lambda _: {"reel": None, "done": True})
+    server = film_server(lambda: page, lambda _: {"reel": None, "done": True}, port)
     print(f"{command}: watch it at {server.url}", file=sys.stderr, flush=True)
     try:
         until_asked(command)

@@ -1,17 +1,19 @@
-"""`tripod path`, `tripod solve` and `tripod maze`: from the command line to `tripod_play` and back."""
+"""`tripod play`: from the command line to `tripod_play` and back."""
 
 import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tripod_bringup.compiling import compiling_told
-from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
+from tripod_bringup.long_work import interruptible, loading
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, Progress, plain, progress_bar
 
 NOT_SOLVED = 1
-"""Largest --limit and --delay [s], and --noise [m]."""
+"""Exit code where a game is lost."""
 
 
 def path_command(
@@ -27,29 +29,30 @@ def path_command(
     quiet: bool,
 ) -> int:
     """Play a path and return the exit code: 2 bad input, 1 the motion broke off."""  # fmt: skip
-    import numpy as np  # noqa: PLC0415 - not needed for the help
+    with loading("tripod play", shown=not quiet):
+        import numpy as np  # noqa: PLC0415 - not needed for the help
 
-    from tripod_ik.errors import IkError  # noqa: PLC0415
-    from tripod_play.errors import PlayError  # noqa: PLC0415
-    from tripod_play.follow import servo_path  # noqa: PLC0415
-    from tripod_play.path_file import read_path  # noqa: PLC0415
-    from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
+        from tripod_ik.errors import IkError  # noqa: PLC0415
+        from tripod_play.errors import PlayError  # noqa: PLC0415
+        from tripod_play.follow import servo_path  # noqa: PLC0415
+        from tripod_play.path_file import read_path  # noqa: PLC0415
+        from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
 
     shown = not quiet and sys.stderr.isatty()
     try:
         points = read_path(file)
         description = load_scene(scene, overrides)
-        with progress_bar(shown=shown) as progress:
+        with interruptible("tripod play"), progress_bar("finding servo angles", shown=shown) as progress:
             path = servo_path(description, points, speed, progress=progress)
         for limit in path.limits:
-            print(f"tripod path: {limit}", file=sys.stderr)
+            print(f"tripod play: {limit}", file=sys.stderr)
         if live:
             from tripod_play.node import PathNode  # noqa: PLC0415
 
             return _in_graph("path", lambda: PathNode(points, path), subnet=subnet, ros=ros)
-        simulation, dt = Simulation(description), description.dt
-        joints, steps = simulation.command, int(np.ceil(path.times[-1] / description.dt)) + 1
-        with progress_bar(shown=shown) as progress:
+        with interruptible("tripod play"), progress_bar("simulating", shown=shown) as progress:
+            simulation, dt = Simulation(description), description.dt
+            joints, steps = simulation.command, int(np.ceil(path.times[-1] / dt)) + 1
             for k in range(steps):
                 joints[:-1] = path.at((k + 1) * dt)
                 if unstable := simulation.step(joints).instability:
@@ -57,11 +60,11 @@ def path_command(
                 if progress:
                     progress((k + 1) / steps)
     except (PlayError, IkError, SceneError) as error:
-        return _complain("path", error, BAD_ARGUMENTS)
+        return _complain(error, BAD_ARGUMENTS)
     except StepError as error:
-        return _complain("path", error, FAILED)
+        return _complain(error, FAILED)
     except ImportError as error:
-        return _complain("path", error, FAILED)
+        return _complain(error, FAILED)
     pose = simulation.effector
     result: dict[str, Any] = {
         "scene": description.name,
@@ -95,19 +98,12 @@ def solve_command(
     quiet: bool,
 ) -> int:
     """Solve a maze and return the exit code: 2 bad input, 1 a game was not won."""  # fmt: skip
-    from tripod_play.errors import PlayError  # noqa: PLC0415 - not needed for the help
-    from tripod_play.player import PlayerSettings  # noqa: PLC0415
-    from tripod_play.solve import Eye, solve  # noqa: PLC0415
-    from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
+    with loading("tripod play", shown=not quiet):
+        from tripod_play.errors import PlayError  # noqa: PLC0415 - not needed for the help
+        from tripod_play.player import PlayerSettings  # noqa: PLC0415
+        from tripod_play.solve import Eye, solve  # noqa: PLC0415
+        from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
 
-    for name, value, most, unit in (
-        ("limit", limit, 1e6, "s"),
-        ("noise", noise, 1, "m"),
-        ("delay", delay, 1, "s"),
-    ):
-        if not 0 <= value <= most:
-            wrong = f"--{name} is {value:g} {unit}; allowed is 0 to {most:g} {unit}"
-            return _complain("solve", ValueError(wrong), BAD_ARGUMENTS)
     words = [*([f"maze.source={maze}"] if maze else []), *overrides]
     try:
         description = load_scene(scene, words)
@@ -115,23 +111,27 @@ def solve_command(
             return _solve_live(description, PlayerSettings(), delay, subnet=subnet, ros=ros)
         eye, won = Eye(noise=noise, delay=delay), list[dict[str, Any]]()
         with (
-            progress_bar(shown=not quiet and sys.stderr.isatty()) as progress,
-            compiling_told("tripod solve", progress.say if progress else None),
+            interruptible("tripod play"),
+            progress_bar("building the scene", shown=not quiet and sys.stderr.isatty()) as progress,
+            compiling_told("tripod play", progress.say if progress else None),
         ):
             simulation = Simulation(description)
             for k in range(games):
-                solution = solve(simulation, seed + k, eye=eye, limit=limit)
+                if progress:
+                    progress.say(f"game {k + 1} of {games}")
+                watch = partial(_show_game, progress, k, games, limit) if progress else None
+                solution = solve(simulation, seed + k, eye=eye, limit=limit, watch=watch)
                 won.append(
                     {"seed": seed + k, "solved": solution.solved, "time": solution.time, "why": solution.why}
                 )
                 if progress:
                     progress((k + 1) / games)
     except (PlayError, SceneError) as error:
-        return _complain("solve", error, BAD_ARGUMENTS)
+        return _complain(error, BAD_ARGUMENTS)
     except StepError as error:
-        return _complain("solve", error, FAILED)
+        return _complain(error, FAILED)
     except ImportError as error:
-        return _complain("solve", error, FAILED)
+        return _complain(error, FAILED)
     times = sorted(g["time"] for g in won if g["solved"])
     result = {
         "maze": description.maze.source if description.maze else None,
@@ -147,6 +147,11 @@ def solve_command(
         median = f"; median {result['median_time']:.2f} s" if times else ""
         print(f"{result['maze']}: {len(times)} of {len(won)} solved{median}")
     return 0 if len(times) == len(won) else NOT_SOLVED
+
+
+def _show_game(progress: Progress, number: int, games: int, limit: float, simulation: Any) -> None:
+    """Show how far the games are: a game that is not won takes `limit` [s]."""
+    progress((number + min(1.0, simulation.state.time / max(limit, 1e-9))) / games)
 
 
 def _solve_live(description: Any, settings: Any, delay: float, *, subnet: bool, ros: Sequence[str]) -> int:
@@ -165,22 +170,6 @@ def _solve_live(description: Any, settings: Any, delay: float, *, subnet: bool, 
     )
 
 
-def maze_command(source: str) -> int:
-    """Print a maze and return the exit code."""
-    from tripod_sim import SceneError  # noqa: PLC0415
-    from tripod_sim.maze.board import maze_names, read_maze  # noqa: PLC0415
-    from tripod_sim.maze.grid import maze_to_text  # noqa: PLC0415
-
-    if not source:
-        print("\n".join(maze_names()))
-        return 0
-    try:
-        print(maze_to_text(read_maze(source)), end="")
-    except SceneError as error:
-        return _complain("maze", error, BAD_ARGUMENTS)
-    return 0
-
-
 def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence[str]) -> int:
     """Run a node until it is done, or told to stop before, which is no success."""
     from tripod_graph.run import run_node  # noqa: PLC0415
@@ -195,7 +184,7 @@ def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence
     code = run_node(name, build, words, until=lambda: bool(made[0].done))
     if made and made[0].done:
         print(made[0].done)
-        return code or (0 if made[0].done.startswith(("goal", "path")) else NOT_SOLVED)
+        return code or (0 if made[0].succeeded else NOT_SOLVED)
     return code or NOT_SOLVED
 
 
@@ -214,6 +203,6 @@ def _show(result: dict[str, Any], *, as_json: bool, quiet: bool) -> None:
             )
 
 
-def _complain(name: str, error: Exception, code: int) -> int:
-    print(f"tripod {name}: " + " ".join(str(error).split()), file=sys.stderr)
+def _complain(error: Exception, code: int) -> int:
+    print("tripod play: " + " ".join(str(error).split()), file=sys.stderr)
     return code

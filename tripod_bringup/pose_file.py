@@ -53,11 +53,11 @@ class PoseFile:
         try:
             lines = read_file(self.path, LARGEST_FILE).decode("utf-8").splitlines()
         except UnicodeDecodeError:
-            raise DataError(f"{self.path} is no UTF-8 text; give --data another name") from None
+            raise DataError(f"{self.path} is not UTF-8 text; give --data another name") from None
         if lines[:2] != self._head:
             raise DataError(
-                f"{self.path} is not of this tour, sensor, calibration, slide and scene ({self._head[0][2:]}); give "
-                "--data another name"
+                f"{self.path} was measured with other poses, sensor, calibration, slide or scene "
+                f"({self._head[0][2:]}); give --data another name"
             )
         for line in lines[2:]:
             try:
@@ -67,7 +67,7 @@ class PoseFile:
                 found = np.zeros(0, dtype=np.int64)
             if len(found) != 1 or int(found[0]) in self.done:
                 raise DataError(
-                    f"{self.path}: {line[:60]!r} is no pose of this tour; give --data another name"
+                    f"{self.path}: {line[:60]!r} is not one of these poses; give --data another name"
                 )
             self.done.add(int(found[0]))
             self._lines.append(line)

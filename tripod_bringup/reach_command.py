@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tripod_bringup.long_work import interruptible, loading
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
 from tripod_host.writing import check_place, replaced_text
 
@@ -29,11 +30,12 @@ def reach_command(
     quiet: bool,
 ) -> int:
     """Compute, print, write and return the exit code: 0, 2 bad arguments, 1 nothing could be computed."""
-    from tripod_ik.errors import IkError  # noqa: PLC0415 - not needed for the help
-    from tripod_ik.model import StaticModel  # noqa: PLC0415
-    from tripod_ik.reach import default_range, reach  # noqa: PLC0415
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    with loading("tripod reach", shown=not quiet):
+        from tripod_ik.errors import IkError  # noqa: PLC0415 - not needed for the help
+        from tripod_ik.model import StaticModel  # noqa: PLC0415
+        from tripod_ik.reach import default_range, reach  # noqa: PLC0415
+        from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
     try:
         for path in (out, plot):  # before the work, not after it
@@ -41,10 +43,15 @@ def reach_command(
                 check_place(path)
         if plot is not None:
             check_plot(plot)
-        model = StaticModel(load_scene(scene, overrides), slide)
-        least, most = default_range(model)
-        least, most = least if low is None else low, most if high is None else high
-        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+        with (
+            interruptible("tripod reach", out, plot),
+            progress_bar("building the model", shown=not quiet and sys.stderr.isatty()) as progress,
+        ):
+            model = StaticModel(load_scene(scene, overrides), slide)
+            least, most = default_range(model)
+            least, most = least if low is None else low, most if high is None else high
+            if progress:
+                progress.say("")
             found = reach(model, least, most, count=count, torque_max=torque_max, progress=progress)
         if out is not None:
             write_table(found, out)

@@ -5,14 +5,14 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import Overrides, Report, SceneName, examples, metres, some_ports
+from tripod_bringup.options import Overrides, Report, SceneName, examples, metres, some_ports, within
 
 commands = typer.Typer()
 
 
 @commands.command(
     epilog=examples(
-        "tripod doctor", "tripod doctor --ask", "tripod doctor --json", "tripod doctor --record /data"
+        "tripod doctor", "tripod doctor --ask", "tripod doctor --json", "tripod doctor --record my_recordings"
     )
 )
 def doctor(
@@ -30,7 +30,10 @@ def doctor(
         ),
     ] = False,
 ) -> None:
-    """Check this machine and say what to do; exit code 1 if something must be done."""
+    """Check this machine and say what to fix.
+
+    Exit codes: 0 ready, 1 something must be fixed.
+    """
     from tripod_bringup.doctor_command import doctor_command  # noqa: PLC0415
 
     raise typer.Exit(doctor_command(record, as_json=json, ask=ask))
@@ -42,7 +45,7 @@ def doctor(
         "tripod calibrate robot.yaml --port /dev/ttyACM0",
         "tripod calibrate --protocol legacy",
         "tripod calibrate robot.yaml --identify heights --slide 23mm",
-        "tripod calibrate robot.yaml --identify marker --camera 0 --lens ost.yaml --marker 20mm",
+        "tripod calibrate robot.yaml --identify marker --camera 0 --marker 20mm",
     )
 )
 def calibrate(
@@ -57,11 +60,17 @@ def calibrate(
         str, typer.Option(help="framed, legacy or ascii, as for `tripod driver`.")
     ] = "framed",
     baud: Annotated[
-        int, typer.Option(min=0, max=4_000_000, help="Bits a second; 0: as the protocol has it.")
+        int,
+        typer.Option(
+            help="Bits a second; 0: as the protocol has it.", callback=within(0, 4_000_000, such_as="115200")
+        ),
     ] = 0,
     boot_time: Annotated[
         float,
-        typer.Option(min=0.0, max=30.0, help="Time that the board needs after its port was opened \\[s]."),
+        typer.Option(
+            help="Time that the board needs after its port was opened \\[s].",
+            callback=within(0, 30, unit="s", such_as="2"),
+        ),
     ] = 2.0,
     identify: Annotated[
         str | None,
@@ -79,9 +88,12 @@ def calibrate(
             parser=metres,
             metavar="LENGTH",
             help="Where the slides stand \\[m], or as 23mm; by default the scene's.",
+            callback=within(0, 0.1, unit="m", such_as="23mm"),
         ),
     ] = None,
-    poses: Annotated[int, typer.Option(help="How many.")] = 20,
+    poses: Annotated[
+        int, typer.Option(help="Number of poses to measure.", callback=within(1, 1000, such_as="20"))
+    ] = 20,
     data: Annotated[
         Path | None,
         typer.Option(metavar="FILE.csv", help="What is measured; gone on with. By default FILE_poses.csv."),
@@ -94,7 +106,10 @@ def calibrate(
     marker: Annotated[
         float,
         typer.Option(
-            parser=metres, metavar="LENGTH", help="Side of the marker's black square \\[m], or as 20mm."
+            parser=metres,
+            metavar="LENGTH",
+            help="Side of the marker's black square \\[m], or as 20mm.",
+            callback=within(0, 1, unit="m", such_as="20mm", above=True),
         ),
     ] = 0.02,
     lens: Annotated[
@@ -102,7 +117,7 @@ def calibrate(
         typer.Option(metavar="FILE.yaml", help="The camera's lens, as ROS's camera_calibration writes it."),
     ] = None,
 ) -> None:
-    """Find the calibration of the servos: by hand, keys turn one shaft at a time; or by measured poses (--identify)."""
+    """Calibrate the servos, by hand or from measured poses (--identify)."""
     if identify is not None:
         from tripod_bringup.measure_command import measure_command  # noqa: PLC0415
 
@@ -132,9 +147,7 @@ def calibrate(
 
 
 @commands.command(
-    epilog=examples(
-        "make -C firmware && tripod flash", "tripod flash --port /dev/ttyACM0", "tripod flash --baud 57600"
-    )
+    epilog=examples("tripod flash", "tripod flash --port /dev/ttyACM0", "tripod flash --baud 57600")
 )
 def flash(
     file: Annotated[
@@ -147,10 +160,18 @@ def flash(
             help="Path of the device; auto: the one port with a known board.", autocompletion=some_ports
         ),
     ] = "auto",
-    baud: Annotated[int, typer.Option(min=1200, max=4_000_000, help="Speed of the boot loader.")] = 115200,
+    baud: Annotated[
+        int,
+        typer.Option(
+            help="Bits a second of the boot loader.", callback=within(1200, 4_000_000, such_as="57600")
+        ),
+    ] = 115200,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and do nothing.")] = False,
 ) -> None:
-    """Write the firmware to the board, by avrdude; builds nothing."""
+    """Write the firmware to the board, with avrdude.
+
+    Build it first with `make firmware`.
+    """
     from tripod_bringup.flash import flash_command  # noqa: PLC0415
 
     raise typer.Exit(flash_command(port, file, baud=baud, dry_run=dry_run))

@@ -1,9 +1,9 @@
-"""`tripod run` and `tripod scenes`: from the command line to `tripod_sim` and back to people or JSON."""
+"""`tripod run`: from the command line to `tripod_sim` and back to people or JSON."""
 
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from functools import partial
@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tripod_bringup.compiling import compiling_told
+from tripod_bringup.long_work import interruptible, loading
 from tripod_bringup.pictures import PictureError, Pictures, ShownRun
-from tripod_bringup.run_summary import result_rows
+from tripod_bringup.run_summary import result_rows, summary_rows
 from tripod_host.failures import failure_words
 from tripod_host.output import OutputError
 from tripod_host.stop import first
@@ -49,6 +50,8 @@ def run_scene(
     accuracy: str | None = None,
     budget: str | None = None,
     study: Path | None = None,
+    view_port: int | None = None,
+    verbose: bool = False,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -56,12 +59,16 @@ def run_scene(
 
     What users should know of the result comes on standard error, whatever is printed of it.
     """
-    from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-    from tripod_sim.run import run  # noqa: PLC0415
+    with loading("tripod run", shown=not quiet):
+        from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
+        from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+        from tripod_sim.run import run  # noqa: PLC0415
 
     try:
-        with ShownRun("tripod run", pictures, view=view) as shown:
+        with (
+            interruptible("tripod run", out, *pictures.wanted.values()),
+            ShownRun("tripod run", pictures, view=view, port=view_port) as shown,
+        ):
             choice = chosen(scene, wished(accuracy, budget), overrides, study)
             if choice:
                 overrides = list(choice.overrides)
@@ -99,22 +106,36 @@ def run_scene(
                     result["figures"]["accuracy"] = choice.told
             if files := [path for path in (out, *written) if path and path.exists()]:
                 result["written"] = [{"file": str(path), "bytes": path.stat().st_size} for path in files]
-            return _tell(result, as_json=as_json, quiet=quiet)
+            if as_json:
+                print(json.dumps(plain(result)))
+            elif not quiet:
+                again = _again(scene, overrides, duration, servo, slide)
+                print_rows(result_rows(result) if verbose else summary_rows(result, again, view=view))
+            return _exit_code(result)
     except OutputError:  # of standard output, which is no file of `written`
         raise
     except (SceneError, PictureError, OSError) as error:  # the last: a file to write
         return _complain(error, BAD_ARGUMENTS)
 
 
-def _tell(result: dict[str, Any], *, as_json: bool, quiet: bool) -> int:
-    """Print the result of a run; return the exit code."""
-    if as_json:
-        print(json.dumps(plain(result)))
-    elif not quiet:
-        rows = result_rows(result)
-        width = max(len(name) for name, _ in rows)
-        for name, text in rows:
-            print(f"{name:<{width}}  {text}")
+def print_rows(rows: Sequence[tuple[str, str]]) -> None:
+    """Print names and texts in two columns."""
+    width = max(len(name) for name, _ in rows)
+    for name, text in rows:
+        print(f"{name:<{width}}  {text}")
+
+
+def _again(
+    scene: str, overrides: Sequence[str], duration: float | None, servo: str | None, slide: str | None
+) -> list[str]:
+    """Return the words of the command that simulates the same motion."""
+    options = {"--duration": duration, "--servo": servo, "--slide": slide}
+    given = [str(word) for name, value in options.items() if value is not None for word in (name, value)]
+    return ["tripod", "run", scene, *(word for path in overrides for word in ("--set", path)), *given]
+
+
+def _exit_code(result: dict[str, Any]) -> int:
+    """Say if the motion grew without bounds; return the exit code."""
     if unstable := result.get("instability"):
         print(f"tripod run: {unstable}", file=sys.stderr)
         return FAILED
@@ -131,8 +152,11 @@ def _complain(error: Exception, code: int) -> int:
 
 
 @contextmanager
-def progress_bar(*, shown: bool) -> Iterator[Progress | None]:
-    """Yield what draws the fraction done (0 to 1) on standard error; None where nothing is shown."""
+def progress_bar(text: str = "", *, shown: bool) -> Iterator[Progress | None]:
+    """Yield what draws the fraction done (0 to 1) on standard error; None where nothing is shown.
+
+    `text`: what stands beside the bar at first.
+    """
     if not shown:
         yield None
         return
@@ -150,7 +174,7 @@ def progress_bar(*, shown: bool) -> Iterator[Progress | None]:
         first(lambda: console.show_cursor(True)),
         rich_progress.Progress(*columns, console=console, transient=True) as bar,
     ):
-        task = bar.add_task("", total=1.0)
+        task = bar.add_task(text, total=1.0)
         yield Progress(partial(bar.update, task))
 
 
@@ -165,17 +189,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
-
-
-def print_urdf(scene: str, overrides: list[str]) -> int:
-    """Print the robot of a scene as URDF; return the exit code: 2 for a scene that is wrong or has no robot."""
-    from tripod_sim import SceneError  # noqa: PLC0415
-    from tripod_sim.description import urdf  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
-
-    try:
-        print(urdf(load_scene(scene, overrides)), end="")
-    except SceneError as error:
-        print(f"tripod urdf: {error}", file=sys.stderr)
-        return BAD_ARGUMENTS
-    return 0

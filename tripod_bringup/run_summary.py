@@ -1,8 +1,120 @@
 """The result of `tripod run` as people read it: millimetres and degrees, one row a matter. Pure."""
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+REST = 1e-6
+"""Kinetic energy below this share of the other energies is that of a body at rest."""
+
+SMALL = 1e-3
+"""Displacement that is not told from none [mm]."""
+
+Row = tuple[str, str]
+
+
+def summary_rows(result: Mapping[str, Any], again: Sequence[str], *, view: bool = False) -> list[Row]:
+    """Return name and text of the rows that end a run, at most six: result, time, error, cost, files, next step.
+
+    Args:
+        result: Of `tripod_sim.run.run`.
+        again: The words of the command that makes the same run without pictures and files.
+        view: Whether it is shown on a page already.
+    """
+    median, dt = result["step_ms"]["median"], result["dt"] * 1e3
+    time = f"{result['time']:.4g} s, computed in {_digits(result['seconds'])} s: {result['steps']} steps of {dt:.4g} ms"
+    cost = f"{_digits(median)} ms for a step (median)"
+    if median > 0:
+        faster = dt / median >= 1
+        times = _digits(dt / median if faster else median / dt)
+        cost += f", {times} times {'faster' if faster else 'slower'} than real time"
+    files = ", ".join(f"{f['file']} ({_digits(f['bytes'] / 1e6)} MB)" for f in result.get("written", ()))
+    return [
+        ("result", _outcome(result)),
+        ("time", time),
+        ("error", _error(result)),
+        ("cost", cost),
+        *([("files", files)] if files else []),
+        ("next", _next(result, again, view=view)),
+    ]
+
+
+def _outcome(result: Mapping[str, Any]) -> str:
+    """Return where things are at the end, and whether they rest."""
+    parts = []
+    if effector := result["effector"]:
+        turned = _turned(effector["quaternion"])
+        words = f", turned by {turned:.1f} degrees" if turned >= 0.05 else ""
+        parts.append(f"effector at {_scaled(effector['position'], 1e3)} mm{words}")
+    if len(result["torques"]):
+        parts.append(f"servo torques {_scaled(result['torques'], 1)} N m")
+    if ball := result.get("ball"):
+        parts.append(
+            f"ball at {_scaled(ball['position'], 1e3)} mm{', ' if ball['event'] else ''}{ball['event']}"
+        )
+    parts += [f"set {m['set']} moved by {_scaled(m['moved'], 1e3)} mm" for m in result.get("markers", ())[:2]]
+    if not parts:
+        moved = 1e3 * result["displacement"]["largest"]
+        size = f"{moved:.3g} mm" if moved < 1e3 else f"{1e-3 * moved:.3g} m"
+        parts.append(f"largest displacement {size if moved >= SMALL else f'below {SMALL:g} mm'}")
+    energies = result["energies"]
+    others = max((abs(value) for name, value in energies.items() if name != "kinetic"), default=0.0)
+    return "; ".join([*parts, "at rest" if energies.get("kinetic", 0.0) <= REST * others else "still moving"])
+
+
+def _error(result: Mapping[str, Any]) -> str:
+    """Return what is known of the error: as the accuracy study measured it, as this run estimated it, or why not."""
+    figures, steps, words = result.get("figures") or {}, result.get("time_error") or {}, []
+    measured = figures.get("error", {}).get("measured")
+    if measured is not None:
+        words.append(
+            f"about {_digits(100 * measured)} % from a converged solution (measured in the accuracy study of this "
+            f"scene) in: {figures['quantity']}"
+        )
+    if error := result.get("mesh_error"):
+        words.append(_effector_error(error, steps))
+    elif steps:
+        words.append("of the time steps: " + _time_error(steps))
+    if words:
+        return "; ".join(words)
+    if figures.get("quantity"):
+        return "not known: the accuracy study of this scene had other settings"
+    return "not known: no accuracy study has measured this scene"
+
+
+def _is_known(result: Mapping[str, Any]) -> bool:
+    """Return whether anything is known of the error."""
+    measured = (result.get("figures") or {}).get("error", {}).get("measured")
+    return measured is not None or any(result.get(name) for name in ("mesh_error", "time_error"))
+
+
+def _next(result: Mapping[str, Any], again: Sequence[str], *, view: bool) -> str:
+    """Return the commands to try next."""
+    figures, command = result.get("figures") or {}, shlex.join(again)
+    if result.get("instability"):
+        first = f"smaller steps: {command} --set dt={0.5 * result['dt']:.3g}"
+    elif not _is_known(result):
+        first = f"measure the error: {shlex.join(['tripod', 'study', *again[2:]])} --quick"
+    elif figures.get("finer") and not result.get("accuracy"):
+        first = f"a smaller error: {command} --accuracy {figures['finer']}"
+    else:
+        first = f"what a step costs: tripod explain {shlex.quote(again[2])}"
+    return "; ".join([first, *([] if view else ["see it move: add --view"]), "all values: add --verbose"])
+
+
+def _digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent where it is not tiny."""
+    return f"{float(f'{value:.2g}'):.6g}"
+
+
+def _scaled(values: Sequence[float], scale: float) -> str:
+    """Return numbers with as many decimals as give the largest three digits."""
+    numbers = [value * scale for value in values]
+    largest = max(map(abs, numbers), default=0.0)
+    decimals = 0 if largest == 0 else max(0, 2 - math.floor(math.log10(largest)))
+    return ", ".join(f"{_no_negative_zero(round(number, decimals)):.{decimals}f}" for number in numbers)
+
 
 HELD = 5e-5
 """Force or moment below which a set is not held [N, N m]: its last digit shown."""
@@ -97,7 +209,7 @@ def _time_error(error: Mapping[str, Any]) -> str:
     """Return the largest estimated error of the time steps."""
     if error["node"] < 0:
         most = error["added"] * 1e3
-        return f"a part of a step added at most {most:.3g} mm; that of the whole motion is not estimated"
+        return f"each step adds at most {_digits(most)} mm (estimated); that of the whole motion is not estimated"
     places = {"effector": "effector", "largest": f"node {error['node']}", "ball": "ball"}
     words = [
         f"{place} at most {error[name] * 1e3:.2g} mm"

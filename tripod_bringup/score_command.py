@@ -1,4 +1,4 @@
-"""`tripod score`: from the command line to `tripod_identify` and back."""
+"""`tripod identify --score`: from the command line to `tripod_identify` and back."""
 
 import json
 import math
@@ -6,6 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from tripod_bringup.long_work import interruptible, loading
 from tripod_bringup.measured_data import opened
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
 from tripod_host.writing import replaced, replaced_text
@@ -26,14 +27,15 @@ def score_command(
     quiet: bool,
 ) -> int:
     """Score, print, write and return the exit code: 2 bad input, 1 a pose or motion could not be computed."""
-    from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.left_over import what_is_left  # noqa: PLC0415
-    from tripod_identify.model import plainly, predict  # noqa: PLC0415
-    from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
-    from tripod_identify.score import score  # noqa: PLC0415
-    from tripod_identify.score_report import HEAD, alignment_line, left_rows, score_report, score_rows  # noqa: PLC0415
-    from tripod_record.errors import RecordError  # noqa: PLC0415
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+    with loading("tripod identify", shown=not quiet):
+        from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
+        from tripod_identify.left_over import what_is_left  # noqa: PLC0415
+        from tripod_identify.model import plainly, predict  # noqa: PLC0415
+        from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
+        from tripod_identify.score import score  # noqa: PLC0415
+        from tripod_identify.score_report import HEAD, alignment_line, left_rows, score_report, score_rows  # noqa: PLC0415  # noqa: PLC0415
+        from tripod_record.errors import RecordError  # noqa: PLC0415
+        from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
 
     try:
         if report is not None or plot is not None:
@@ -42,7 +44,10 @@ def score_command(
             scene, data, align=align, overrides=overrides, points=points, renames=renames, poses=poses,
             places=(report, plot),
         )  # fmt: skip
-        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+        with (
+            interruptible("tripod identify", report, plot),
+            progress_bar("building the scene", shown=not quiet and sys.stderr.isatty()) as progress,
+        ):
             predicted = predict(plainly(description), measured, glued, progress)
         found = score(predicted, measured, align)
         left = what_is_left(found.residuals, measured, description)
@@ -58,16 +63,16 @@ def score_command(
                 with replaced(plot) as file:
                     file.write(picture)
     except (DataError, RecordError, SceneError) as error:
-        print("tripod score: " + " ".join(str(error).split()), file=sys.stderr)
+        print("tripod identify: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS
     except OSError as error:
-        print(f"tripod score: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
+        print(f"tripod identify: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
     except StepError as error:
-        print("tripod score: " + " ".join(str(error).split()), file=sys.stderr)
+        print("tripod identify: " + " ".join(str(error).split()), file=sys.stderr)
         return FAILED
     for note in notes:
-        print(f"tripod score: note: {note}", file=sys.stderr)
+        print(f"tripod identify: note: {note}", file=sys.stderr)
     if as_json:
         numbers = {**found.as_json(), "rest": left.as_json()}
         print(json.dumps(plain({"scene": description.name, "rows": len(measured.values), **numbers})))

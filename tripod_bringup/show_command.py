@@ -3,24 +3,29 @@
 import sys
 from pathlib import Path
 
+from tripod_bringup.long_work import interruptible, loading
 from tripod_bringup.pictures import PictureError, Pictures, serve_arrays
 
 BAD_ARGUMENTS = 2
 
 
-def show_command(file: Path, pictures: Pictures) -> int:
+def show_command(file: Path, pictures: Pictures, view_port: int | None = None) -> int:
     """Write the pictures that are asked for; with none serve the page until Ctrl-C. Return the exit code."""
-    from tripod_bringup.run_command import progress_bar  # noqa: PLC0415 - not needed for the help
-    from tripod_view.player.film import FilmError  # noqa: PLC0415
-    from tripod_view.player.run_file import read_run  # noqa: PLC0415
+    with loading("tripod show"):
+        from tripod_bringup.run_command import progress_bar  # noqa: PLC0415 - not needed for the help
+        from tripod_view.player.film import FilmError  # noqa: PLC0415
+        from tripod_view.player.run_file import read_run  # noqa: PLC0415
 
     try:
         pictures.check()
         arrays = read_run(file)
         if not pictures.wanted:
-            serve_arrays(arrays, "tripod show")
+            serve_arrays(arrays, "tripod show", view_port)
             return 0
-        with progress_bar(shown=sys.stderr.isatty()) as progress:
+        with (
+            interruptible("tripod show", *pictures.wanted.values()),
+            progress_bar("writing", shown=sys.stderr.isatty()) as progress,
+        ):
             for path in pictures.write(arrays, progress):
                 print(f"{path}  {path.stat().st_size / 1e6:.2f} MB")
     except OSError as error:

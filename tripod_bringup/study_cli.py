@@ -7,11 +7,14 @@ from typing import Annotated
 import typer
 
 from tripod_bringup.accuracy_option import Accuracy, Study
-from tripod_bringup.options import Json, Overrides, ServoScript, SlideScript, some_scenes
+from tripod_bringup.options import Json, Overrides, ServoScript, SlideScript, examples, some_scenes, within
 from tripod_bringup.study_plans import PLANS
 
+commands = typer.Typer()
+
 HELP = (
-    "Show what accuracy costs in time: run a scene at many settings and hold each against a converged reference.\n\n"
+    "Measure error against computing time at many settings.\n\n"
+    "Each setting is compared with a converged reference. "
     "Prints the error of each setting beside its CPU time, which settings no other beats (*), the cheapest within 10, "
     "5, 1 and 0.1 %, and how far the reference itself can be trusted. Writes <study>.json, .csv and .png into --out. "
     "Points that are done are kept there: a study that was stopped, by Ctrl-C or worse, goes on where it was. What "
@@ -48,6 +51,7 @@ def some_studies(incomplete: str) -> list[str]:
     return sorted({*(name for name in PLANS if name.startswith(incomplete)), *some_scenes(incomplete)})
 
 
+@commands.command(help=HELP, epilog=examples(*EXAMPLES))
 def study(
     scene: Annotated[
         str,
@@ -62,7 +66,11 @@ def study(
     servo: ServoScript = None,
     slide: SlideScript = None,
     duration: Annotated[
-        float | None, typer.Option(help="Of the motion \\[s]; the scene's own by default.")
+        float | None,
+        typer.Option(
+            help="Of the motion \\[s]; the scene's own by default.",
+            callback=within(0, unit="s", such_as="0.6", above=True),
+        ),
     ] = None,
     accuracy: Accuracy = None,
     study_: Study = None,
@@ -73,7 +81,10 @@ def study(
     ] = "",
     quick: Annotated[bool, typer.Option("--quick", help="Few points, a coarser reference: seconds.")] = False,
     jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="Points at a time; by default one a processor.")
+        int | None,
+        typer.Option(
+            help="Points at a time; by default one a processor.", callback=within(1, 1024, such_as="4")
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="Run on the Dask cluster of this scheduler.")
@@ -82,7 +93,9 @@ def study(
         "studies"
     ),
     fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what is there.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the order in which points are run.")] = 0,
+    seed: Annotated[
+        int, typer.Option(help="Of the order in which points are run.", callback=within(0, such_as="1"))
+    ] = 0,
     full: Annotated[
         bool, typer.Option("--full", help="Report: all combinations of the values, not one varied at a time.")
     ] = False,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tripod_bringup.long_work import loading
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 from tripod_bringup.study_plans import PLANS, REPORTS, names, plan, report
 from tripod_host.output import OutputError
@@ -139,7 +140,8 @@ def _chosen(
         reports = list(REPORTS)
     if part == "report" and knobs:
         raise SceneError(
-            f"--knobs {','.join(knobs)} chooses points of accuracy, and --part report makes none: leave one out"
+            f"--knobs {','.join(knobs)} chooses settings of the accuracy study, which --part report does "
+            "not run: leave one out"
         )
     if part == "report":
         return reports, []
@@ -152,7 +154,9 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
     from tripod_sim.scene_file import scene_names  # noqa: PLC0415
-    from tripod_sim.study.plans import any_scene  # noqa: PLC0415 - heavy
+
+    with loading("tripod study"):
+        from tripod_sim.study.plans import any_scene  # noqa: PLC0415 - heavy
 
     if not scene.endswith(".toml") and scene not in scene_names():
         known = ", ".join([*PLANS, "tripod"])
@@ -165,7 +169,8 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     if choice:
         print(f"tripod study: {choice.sentence}", file=sys.stderr)
     subject = any_scene.Subject(scene, overrides, changes.servo, changes.slide, changes.duration)
-    return any_scene.plan(subject, quick=quick)
+    with loading("tripod study", "choosing settings"):
+        return any_scene.plan(subject, quick=quick)
 
 
 def _limited(made: "Plan", plans: Sequence["Plan"], knobs: Sequence[str]) -> "Plan":

@@ -68,7 +68,9 @@ def _work_precision(axes: Any, result: Result) -> None:
                 label=_word(grouping, value),
             )  # fmt: skip
     best = [result["points"][i] for i in result["front"]]
-    axes.loglog([p["cpu"] for p in best], [_height(p) for p in best], "-", color="0.2", lw=1.2, label="front")
+    axes.loglog(
+        [p["cpu"] for p in best], [_height(p) for p in best], "-", color="0.2", lw=1.2, label="best settings"
+    )
     if points:
         heights, costs = [_height(p) for p in points], [p["cpu"] for p in points]
         axes.set_ylim(min(heights) / 3, max(heights) * 3)
@@ -89,7 +91,9 @@ def _work_precision(axes: Any, result: Result) -> None:
             "real time", (1.0, 1.0), xycoords=("data", "axes fraction"), xytext=(-3, -4), textcoords="offset points",
             rotation=90, ha="right", va="top", fontsize=7.5,
         )  # fmt: skip
-    axes.set(xlabel=f"CPU time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]")
+    axes.set(
+        xlabel=f"computing time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]"
+    )
     axes.grid(visible=True, which="major", alpha=0.25)
     axes.tick_params(axis="x", which="minor", labelsize=6, labelrotation=45)
 
@@ -153,7 +157,10 @@ def _steps(axes: Any, result: Result) -> None:
             label=None if value in named else _orders(value, result),
         )  # fmt: skip
         named.add(value)
-    axes.set(xlabel=f"{knob} [s]", ylabel=f"error of {name} [%]")
+    axes.set(
+        xlabel=f"length of a time step, {knob} [s]" if knob == "dt" else f"{knob} [s]",
+        ylabel=f"error of {name} [%]",
+    )
     axes.grid(visible=True, which="major", alpha=0.25)
     if result["orders"]:
         axes.legend(loc="best", fontsize=6.5)

@@ -46,8 +46,8 @@ class Store:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise StoreBusyError(
-                f"another `tripod study` adds to {str(path)!r}: wait until it has ended, stop it, or name another "
-                "folder by --out"
+                f"another `tripod study` writes to {str(path)!r}: wait until it has ended, stop it, or name "
+                "another folder with --out"
             ) from None
         except OSError as error:
             if error.errno not in (

@@ -55,7 +55,7 @@ class Worker:
             return record
         self.stop()
         if late.is_set():
-            return lost("time limit", f"given up after {limit:g} s")
+            return lost("time limit", f"stopped after {limit:g} s, the time limit")
         return lost("crashed", f"the process ended with code {process.returncode}")
 
     def _started(self) -> "subprocess.Popen[str]":

@@ -76,7 +76,7 @@ class Supervisor:
         exception.
         """
         if threading.current_thread() is not threading.main_thread():
-            raise RuntimeError("a supervisor runs in the main thread: only that one receives signals")
+            raise RuntimeError("a supervisor must run in the main thread, the only one that receives signals")
         with taken() as self._asked:
             try:
                 ending = self._start() or self._watch(until)
@@ -103,7 +103,7 @@ class Supervisor:
                     return ending
                 for spec in waiting:
                     if self.processes[spec.name].effort.again().idle > spec.start_time:
-                        cause = f"{spec.name} did not come up: it did nothing for {spec.start_time:g} s"
+                        cause = f"{spec.name} did not start: nothing happened for {spec.start_time:g} s"
                         return Ending(spec.exit_code, cause, list(self.processes[spec.name].tail))
                 self._pause("starting " + ", ".join(map(self._work, waiting)))
         return None
@@ -141,7 +141,7 @@ class Supervisor:
                 for process in left:
                     effort = process.effort.again()
                     if effort.still > FROZEN:
-                        process.kill(f"did nothing for {FROZEN:g} s when it was to stop")
+                        process.kill(f"did not respond for {FROZEN:g} s while stopping")
                     elif effort.busy + effort.idle > process.spec.stop_time:
                         process.kill(f"did not stop within {process.spec.stop_time:g} s")
                 self._pause("stopping " + ", ".join(process.spec.name for process in left))

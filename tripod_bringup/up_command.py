@@ -14,6 +14,7 @@ from tripod_bringup.node_command import (
     missing_import,
     parameter_table,
     parse_values,
+    split_settings,
     unknown_name,
 )
 from tripod_bringup.node_values import RawYaml, split_word
@@ -60,6 +61,8 @@ def up_command(
     keep_local(subnet=subnet)
     try:
         scene, words = named_scene(words, scene)
+        parameters, overrides = split_settings(overrides)
+        words = [*words, *parameters]
         values = node_values(words)
         check_used(values, record=demo or record is not None, view=view)
         check_once(
@@ -125,7 +128,9 @@ def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
         name, value = split_word(word)
         node, dot, parameter = name.partition(".")
         if not dot or not parameter:
-            raise ValueError(f"{word!r} names no node; write NODE.NAME:=VALUE, such as driver.angle_max:=0.3")
+            raise ValueError(
+                f"{word!r} names no node; write --set NODE.NAME=VALUE, such as --set driver.angle_max=0.3"
+            )
         if node not in EXIT_CODES:
             raise ValueError(unknown_name("node", node, list(EXIT_CODES)))
         own.setdefault(node, []).append(f"{parameter}:={value}")
@@ -192,7 +197,7 @@ def check_once(values: Mapping[str, Mapping[str, object]], options: Mapping[str,
         node, name = TWICE[option]
         if said is not None and name in values.get(node, {}):
             given = values[node][name]
-            raise ValueError(f"{node}.{name}:={given} and {option} {said} say the same; leave one out")
+            raise ValueError(f"--set {node}.{name}={given} and {option} {said} say the same; leave one out")
 
 
 def named_scene(words: Sequence[str], option: str) -> tuple[str, Sequence[str]]:
@@ -217,7 +222,7 @@ def sim_words(
         return list(words)
     given = dict(split_word(word) for word in words[named:])
     if named and "scene" in given:
-        raise ValueError(f"the scene is {words[0]!r} and scene:={given['scene']}; leave one out")
+        raise ValueError(f"the scene is {words[0]!r} and --set scene={given['scene']}; leave one out")
     scene = words[0] if named else str(given.get("scene", "tripod"))
     values: dict[str, dict[str, object]] = {"sim": {"set": RawYaml(given["set"])} if "set" in given else {}}
     add_overrides(values, overrides)
@@ -273,7 +278,7 @@ def words_of_set(values: Mapping[str, Mapping[str, object]]) -> list[str]:
         try:
             text = yaml.safe_load(text)
         except yaml.YAMLError:
-            raise ValueError(f"sim.set:={text} is not YAML; quote it") from None
+            raise ValueError(f"--set sim.set={text} is not YAML; quote it") from None
     return override_words(str(text or ""))
 
 

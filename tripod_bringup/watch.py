@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 from tripod_msgs.msg import IkStatus, RobotStatus, SimStatus
 
 from tripod_bringup.status_line import ChainStatus
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
@@ -72,7 +73,9 @@ class Watch(Node):
                 kind, topic, self._keeper(topic, kind), NEWEST, raw=True, callback_group=self._patient
             )
         self.absence, self._answered = "", False
-        self._recorder = f"{self.get_namespace().rstrip('/')}/record"
+        self._recorder, self._driver = (
+            f"{self.get_namespace().rstrip('/')}/{name}" for name in ("record", "driver")
+        )
         self.create_subscription(
             DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE, callback_group=self._patient
         )
@@ -132,8 +135,6 @@ class Watch(Node):
         self._answered = robot.state in ANSWERED
         if self._answered:
             self.absence = ""
-        elif robot.state in (RobotStatus.DISCONNECTED, RobotStatus.FAULT) and robot.message:
-            self.absence = robot.message.partition("; next attempt")[0]
 
     def _fresh(self, topic: str) -> Any | None:
         with self._lock:
@@ -147,6 +148,9 @@ class Watch(Node):
             if status.name == self._recorder:
                 with self._lock:
                     self._heard[self._recorder] = (time.monotonic(), status, None)
+            elif status.name == self._driver and not self._answered:
+                values = {pair.key: pair.value for pair in status.values}
+                self.absence = values.get(keys.CONNECTION_ERROR, "") or self.absence
 
     def _note(self, sim: Any | None, ik: Any | None, robot: Any | None) -> str:
         record = self._fresh(self._recorder)
@@ -155,7 +159,10 @@ class Watch(Node):
             return said
         for name, topic in (("sim", names.SIM_STATUS), ("driver", names.ROBOT_STATUS)):
             if self._mixes[topic].mixed:
-                return f"{name} runs more than once in this graph: end all but one"
+                return (
+                    f"{name} runs more than once here: stop all but one, or give one another namespace "
+                    "(__ns:=/NAME)"
+                )
         nodes = [("ik", ik), ("driver", robot)]
         failed = sim is not None and sim.state == SimStatus.FAILED
         nodes.insert(0 if failed else len(nodes), ("sim", sim))  # what else it says may hold for long

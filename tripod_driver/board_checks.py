@@ -10,7 +10,7 @@ from tripod_driver.protocol import SERVO_COUNT
 from tripod_driver.session import TENTHS
 from tripod_graph.names import servo_names
 
-FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
+FLASH_ADVICE: Final = "update the board: make -C firmware, then tripod flash"
 
 STATE_SLACK: Final = 0.05
 """A servo may stand so far outside of its safe range when the driver takes over [rad]."""
@@ -18,31 +18,42 @@ STATE_SLACK: Final = 0.05
 
 def other_version(version: int) -> str:
     """Return the message for a board of another protocol version."""
-    advice = FLASH_ADVICE if version < VERSION else "bring this program up to date, or flash its own firmware"
-    return f"its firmware speaks version {version} of the protocol, this driver {VERSION}; {advice}"
+    advice = (
+        FLASH_ADVICE if version < VERSION else "update this program, or flash the firmware that belongs to it"
+    )
+    return (
+        f"the firmware of the board speaks version {version} of the protocol, this driver version "
+        f"{VERSION}; {advice}"
+    )
 
 
 _CAUSES: Final = {
     ResetCause.WATCHDOG: (
         "watchdog",
-        "the board was reset: by its watchdog, as its firmware hung; if that happens again, flash it anew",
+        (
+            "the board was reset by its watchdog, as its firmware hung; if that happens again, flash it "
+            "again: tripod flash"
+        ),
     ),
     ResetCause.BROWN_OUT: (
         "brown-out",
-        "the board was reset: its supply broke down; give the servos a supply of their own",
+        ("the board was reset because its supply voltage dropped; give the servos a supply of their own"),
     ),
     ResetCause.POWER_ON: (
         "power-on",
-        "the board was reset: it was without power; check its supply and cable",
+        "the board was reset because it lost power; check its supply and cable",
     ),
     ResetCause.EXTERNAL: (
         "external",
-        "the board was reset: by its button, or because a program opened its port",
+        (
+            "the board was reset by its button, or because a program opened its port; press no button, "
+            "and close other programs that use the port"
+        ),
     ),
 }
 _UNKNOWN: Final = (
     "unknown",
-    "the board was reset: its boot loader hides why; check its supply and cable",
+    "the board was reset; its boot loader hides the reason: check its supply and cable",
 )
 
 
@@ -63,15 +74,20 @@ def why_not(reply: HelloReply, calibration: Calibration) -> str:
     count, found = len(calibration.servos), reply.servo_count
     if not found == count == len(reply.pulses):
         advice = (
-            FLASH_ADVICE if count == SERVO_COUNT else "choose a scene of the robot at hand, or port:=mock"
+            FLASH_ADVICE
+            if count == SERVO_COUNT
+            else "choose a scene of the robot at hand, or --set port=mock"
         )
-        return f"its firmware drives {found} servos, the robot has {count}; {advice}"
+        return f"the firmware drives {found} servos, the robot has {count}; {advice}"
     for name, servo in zip(servo_names(count), calibration.servos, strict=True):
         for angle in servo.safe_range:
             pulse = servo.pulse(angle)
             if not reply.pulse_min <= round(TENTHS * pulse) <= reply.pulse_max:
                 allowed = f"{reply.pulse_min / TENTHS:g} to {reply.pulse_max / TENTHS:g} us"
-                return f"{name} needs {pulse:.1f} us at {angle:g} rad, the board makes {allowed}; calibrate"
+                return (
+                    f"{name} needs a pulse of {pulse:.1f} us at {angle:g} rad; the board can make {allowed}: "
+                    "calibrate with `tripod calibrate`"
+                )
     return ""
 
 
@@ -81,7 +97,7 @@ def why_not_from(position: Sequence[float], calibration: Calibration) -> str:
     for name, angle, low, high in zip(names, position, calibration.lower, calibration.upper, strict=True):
         if not low - STATE_SLACK <= angle <= high + STATE_SLACK:
             return (
-                f"{name} stands at {angle:.3f} rad, its safe range is {low:g} to {high:g} rad: "
-                f"switch the board off and on, or calibrate"
+                f"{name} is at {angle:.3f} rad, outside its safe range of {low:g} to {high:g} rad: switch the "
+                "board off and on, or calibrate with `tripod calibrate`"
             )
     return ""

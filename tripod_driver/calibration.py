@@ -140,6 +140,6 @@ class Calibration:
                 servos.append(replace(servo, offset=offset, safe_range=(low + zero, high + zero)))
             except CalibrationError as error:
                 raise CalibrationError(
-                    f"{name}: {error}; set its horn one tooth over and calibrate anew"
+                    f"{name}: {error}; move its horn by one tooth and calibrate again"
                 ) from None
         return Calibration(tuple(servos))

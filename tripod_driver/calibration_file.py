@@ -24,7 +24,7 @@ FIELDS: Final = tuple(field.name for field in fields(ServoCalibration))
 PAIRS: Final = ("pulse_range", "safe_range")
 
 HEADER: Final = """\
-# Calibration of the servos, as `tripod calibrate` writes it; `tripod driver calibration:=FILE` uses it.
+# Calibration of the servos, as `tripod calibrate` writes it; `tripod driver --set calibration=FILE` uses it.
 # offset: angle of the shaft when the piece is flat [rad, 0 to pi]; direction: 1, or -1 if the servo is mounted the
 # other way round; pulse_range: pulse widths with the shaft at 0 and at pi [us]; safe_range: smallest and largest joint
 # angle that may be sent [rad], 0 is the flat piece, negative bends the strip down.
@@ -37,7 +37,9 @@ class _Loader(yaml.SafeLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             line = self.peek_event().start_mark.line + 1
-            raise CalibrationError(f"line {line} refers to another part; write the values out")
+            raise CalibrationError(
+                f"line {line} refers to another part of the file (YAML alias); write the values out"
+            )
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
@@ -45,7 +47,9 @@ class _Loader(yaml.SafeLoader):
         for key, _ in node.value:
             name = str(key.value)
             if name in seen:
-                raise CalibrationError(f"{name:.40} comes twice, again in line {key.start_mark.line + 1}")
+                raise CalibrationError(
+                    f"{name:.40} is given twice, again in line {key.start_mark.line + 1}; remove one"
+                )
             seen.add(name)
         found: dict[Any, Any] = super().construct_mapping(node, deep)
         return found
@@ -63,7 +67,7 @@ def parse_calibration(text: str) -> Calibration:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark is not None else ""
         reason = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise CalibrationError(f"{where}this is no YAML: {_brief(reason)}") from None
+        raise CalibrationError(f"{where}not valid YAML: {_brief(reason)}") from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, CalibrationError):
             raise
@@ -85,7 +89,10 @@ def read_calibration(path: Path) -> Calibration:
             f"calibration {path}: {error.strerror}; make it with `tripod calibrate`"
         ) from None
     except UnicodeDecodeError as error:
-        raise CalibrationError(f"calibration {path}: byte {error.start} is no UTF-8 text") from None
+        raise CalibrationError(
+            f"calibration {path}: byte {error.start} is not UTF-8 text; make the file again with `tripod "
+            "calibrate`"
+        ) from None
     except CalibrationError as error:
         raise CalibrationError(f"calibration {path}: {error}") from None
 

@@ -193,7 +193,7 @@ class Calibrator:
                 if found.joint(ends[0]) < found.joint(ends[1]):
                     self._try(found, "no further down" if key == "[" else "no further up")
                 else:
-                    self.notice = "refused: that is beyond the other end"
+                    self.notice = "refused: this is beyond the other end of the range"
             case _:
                 return False
         return True
@@ -203,9 +203,9 @@ class Calibrator:
     def _begin_or_end_range(self) -> None:
         name = SERVOS[self.chosen]
         if self.finds_range:
-            self.finds_range, self.notice = False, f"pulse range of {name} left; mark flat, [ and ] anew"
+            self.finds_range, self.notice = False, f"pulse range of {name} left; mark flat, [ and ] again"
         elif self._board is None:
-            self.notice = "refused: this board does not tell which pulses it makes; protocol framed does"
+            self.notice = "refused: this board does not report its pulses; use protocol framed"
         else:
             self.finds_range = True
             self.notice = f"pulse range of {name}: is the piece off? Up, Down, + and - move; p ends this"

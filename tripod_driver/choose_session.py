@@ -36,7 +36,7 @@ def choose_sessions(
                 FramedSession(calibration, needed),
                 LegacySession(LegacyProtocol(mapping), calibration, start),
             ]
-    raise ValueError(f"protocol {word!r} is none of: {', '.join(PROTOCOLS)}")
+    raise ValueError(f"protocol {word!r} is unknown; allowed: {', '.join(PROTOCOLS)}")
 
 
 def common_bounds(sessions: Sequence[Session]) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -214,7 +214,7 @@ class Driver:
             return session.place
         pulses, sure = self.memory.recall()
         if pulses is not None and len(pulses) == len(self.safety.servos):
-            source = "it was sent there before it lost its power" if sure else ""
+            source = "this is the last angle sent before the board lost its power" if sure else ""
             return Place(session.angles_of_pulses(pulses), source)
         return Place(self.safety.place if session.place is None else session.place.angles)
 

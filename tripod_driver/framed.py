@@ -219,7 +219,7 @@ def encode(message: Message, sequence: int) -> bytes:
         ProtocolError: `sequence` is not in 0..255.
     """
     if not 0 <= sequence <= 0xFF:
-        raise ProtocolError(f"sequence is {sequence}; allowed is 0 to 255")
+        raise ProtocolError(f"sequence is {sequence}; allowed: 0 to 255")
     body = bytes([VERSION, _TYPES[type(message)], sequence]) + _payload(message)
     return b"\0" + cobs_encode(body + crc_hqx(body, 0xFFFF).to_bytes(_CRC_SIZE, "little")) + b"\0"
 

@@ -17,14 +17,14 @@ SERVOS_MAX = 10
 
 def _check_number(name: str, value: int, highest: int) -> None:
     if not 0 <= value <= highest:
-        raise ProtocolError(f"{name} is {value}; allowed is 0 to {highest}")
+        raise ProtocolError(f"{name} is {value}; allowed: 0 to {highest}")
 
 
 def _check_pulses(pulses: Pulses) -> None:
     if not 0 < len(pulses) <= SERVOS_MAX:
         raise ProtocolError(f"{len(pulses)} pulses given; a message carries 1 to {SERVOS_MAX}")
     for i, pulse in enumerate(pulses):
-        _check_number(f"pulse of servo {i}", pulse, 0xFFFF)
+        _check_number(f"pulse of servo_{i}", pulse, 0xFFFF)
 
 
 class BoardState(IntEnum):

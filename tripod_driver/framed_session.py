@@ -175,7 +175,10 @@ class FramedSession(Session):
                 f"{lost} of the last {len(self._lost)} packets were lost on the line; check cable and plugs"
             )
         if len(self._trips) == TRIPS_MIN and (trip := min(self._trips)) > SLOW:
-            return f"the board answers only after {1e3 * trip:.0f} ms, and each change waits for that: motions are slow"
+            return (
+                f"the board takes {1000.0 * trip:.0f} ms to answer, and each change waits for it: motions are "
+                "slow; use another USB port or cable, without a hub"
+            )
         return ""
 
     @property
@@ -270,7 +273,9 @@ class FramedSession(Session):
             return
         if reply.flags & Flags.WATCHDOG:
             self._counts["watchdog of the board"] += 1
-            self.incident = "the board heard nothing for its watchdog's time and let go"
+            self.incident = (
+                "the board received nothing for the time of its watchdog and switched the servos off"
+            )
         if reply.flags & Flags.SEQUENCE_GAP and follows:  # the board heard one more than it was sent
             self._suspect(now)
 
@@ -322,7 +327,7 @@ class FramedSession(Session):
     def _suspect(self, now: float) -> None:
         self._strangers.append(now)
         if len(self._strangers) == STRANGERS_MAX and now - self._strangers[0] < STRANGER_WINDOW:
-            self._refuse("another program writes to this port too; stop that one")
+            self._refuse("another program also writes to this port; stop it")
 
     def _told_place(self, reply: HelloReply) -> Place | None:
         if 0 in reply.pulses:
@@ -335,12 +340,12 @@ class FramedSession(Session):
             return ECHO
         if self._heard:
             return (
-                f"it sends {shown(bytes(self._heard))} and no answer to a hello: not the robot's port, another baud, "
-                "or another firmware"
+                f"the device sends {shown(bytes(self._heard))} and does not answer as the robot: another "
+                "port, another baud rate, or another firmware?"
             )
         return (
-            "no answer to a hello: is this the robot, with this project's firmware, at this baud? "
-            "For the workshop's firmware: protocol:=legacy"
+            "no answer from the board: is it the robot, with the firmware of this project, at this baud "
+            "rate? For the firmware of the workshop --set protocol=legacy"
         )
 
     def _refuse(self, message: str) -> None:

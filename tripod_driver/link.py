@@ -28,6 +28,7 @@ class Link:
         session: The conversation on it: the first of those given or, where the board says no word to that, the next.
         state: How far the link is.
         message: Why it is not ready; empty when it is.
+        error: Why the servos could not be reached the last time; empty when they were.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class Link:
         self.port, self.session = port, session
         self._sessions = (session, *others)
         self.state = LinkState.DISCONNECTED
-        self.message = "the port was not opened yet"
+        self.message, self.error = "the port is not open yet", ""
         self._opened = 0
         self._retry_min, self._retry_max = retry_min, retry_max
         self._delay = retry_min
@@ -94,7 +95,7 @@ class Link:
             return
         match session.state:
             case SessionState.READY:
-                self.state, self.message = LinkState.READY, ""
+                self.state, self.message, self.error = LinkState.READY, "", ""
             case SessionState.OPENING:
                 self.state, self.message = LinkState.CONNECTING, f"{name} is open; {session.message}"
             case SessionState.LOST if session.unheard and session is not self._sessions[-1]:
@@ -104,13 +105,13 @@ class Link:
                 self._fail(f"{name}: {session.message}", now, close=self.port.resets)
             case SessionState.REFUSED:
                 self.port.close()
-                self.state = LinkState.FAULT
-                self.message = f"{name}: {session.message}; then restart the driver"
+                self.state, self.error = LinkState.FAULT, f"{name}: {session.message}"
+                self.message = f"{self.error}; then restart the driver"
 
     def _fail(self, why: str, now: float, *, close: bool = True) -> None:
         if close:
             self.port.close()
         self._next_attempt = now + self._delay
         self.state = LinkState.DISCONNECTED
-        self.message = f"{why}; next attempt after {self._delay:g} s"
+        self.message, self.error = f"{why}; next attempt after {self._delay:g} s", why
         self._delay = min(2 * self._delay, self._retry_max)

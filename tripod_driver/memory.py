@@ -104,7 +104,8 @@ class Memory:
             self._sure = bool(self._boot) and match[2] == self._boot.encode("ascii")
         elif found:
             self.warning = (
-                f"{self.path} is damaged, so nobody knows where the servos are; it begins {found[:16]!r}"
+                f"{self.path} is damaged, so the positions of the servos are unknown; it begins with "
+                f"{found[:16]!r}. The first motion is slow"
             )
         if match is None and self._file is not None:
             os.ftruncate(self._file, 0)
@@ -116,7 +117,7 @@ class Memory:
                 os.ftruncate(self._file, 0)
             os.close(self._file)
         why = error.strerror or error
-        self.warning = f"{self.path}: {why}; where the servos are is not kept through a crash"
+        self.warning = f"{self.path}: {why}; the positions of the servos will be unknown after a crash"
         self._file = self.path = None
 
 
@@ -160,12 +161,12 @@ def _opened(path: Path) -> int:
     found = os.fstat(file)
     wrong = ""
     if not stat.S_ISREG(found.st_mode):
-        wrong = "it is no regular file"
+        wrong = "it is not a regular file"
     elif found.st_uid != os.geteuid():
         wrong = f"it belongs to user {found.st_uid}, not to {os.geteuid()}"
     elif found.st_mode & 0o077 or found.st_nlink != 1:
         wrong = f"its mode is {stat.S_IMODE(found.st_mode):o} with {found.st_nlink} links, not 600 with one"
     if wrong:
         os.close(file)
-        raise OSError(f"{wrong}; remove it")
+        raise OSError(f"{wrong}; remove the file")
     return file

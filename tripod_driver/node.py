@@ -20,6 +20,7 @@ from tripod_driver.calibration_file import calibration_text
 from tripod_driver.messages import imu_message, status_message
 from tripod_driver.safety import State
 from tripod_driver.settings import PARAMETERS, chosen_calibration, make_driver
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
 from tripod_graph.control_mode import authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
@@ -163,7 +164,7 @@ class DriverNode(LifecycleNode):
         return self._safety.motion(time.monotonic())
 
     def _hold(self) -> None:
-        self._safety.interrupt(time.monotonic(), "a goal ended early: the next command goes on from here")
+        self._safety.interrupt(time.monotonic(), "a goal ended early; the next command starts from here")
 
     def _refuse(self, error: ValueError) -> None:
         self._safety.reject(error)
@@ -178,7 +179,10 @@ class DriverNode(LifecycleNode):
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._safety.halt(time.monotonic())
-        response.success, response.message = True, "holding; change the control mode to go on"
+        response.success, response.message = (
+            True,
+            "the servos hold their angles; change the control mode to move them again",
+        )
         return response
 
     def _on_turn(self) -> None:
@@ -244,7 +248,7 @@ class DriverNode(LifecycleNode):
     def _report(self) -> Report:
         driver, safety, session = self._driver, self._safety, self._driver.link.session
         found, declared = self._turns.rate(time.monotonic()), 1.0 / (TURN * driver.period)
-        late = short("the machine is too busy: looks at what is to be sent", found, declared)
+        late = short("the computer is too busy: rate of sending to the servos", found, declared)
         odd = driver.message or self._rival.notice or late
         level = Level.WARN if odd else Level.OK
         if self._in_trouble(safety.state):
@@ -253,11 +257,12 @@ class DriverNode(LifecycleNode):
             level,
             odd or safety.state.name.lower(),
             {
-                "state": safety.state.name,
+                keys.STATE: safety.state.name,
+                keys.CONNECTION_ERROR: driver.link.error,
                 **authority_values(safety.authority),
                 "port": driver.link.port.name,
                 "protocol": session.name,
-                "place of the servos": self._driver.place_source or "nobody knows",
+                "place of the servos": self._driver.place_source or "unknown",
                 "place file": self._driver.memory.warning or self._driver.memory.path or "none",
                 "packets sent": driver.packets_sent,
                 "looks at what is to be sent [Hz]": found or 0.0,
@@ -300,7 +305,8 @@ class DriverNode(LifecycleNode):
             if time.monotonic() > deadline:
                 angles = ", ".join(f"{angle:.3f}" for angle in self._driver.sent)
                 self.get_logger().warning(
-                    f"not parked within park_time_max {self._park_time_max:g} s: servos left at {angles} rad"
+                    f"the servos did not reach the park pose within park_time_max {self._park_time_max:g} s; they "
+                    f"were left at {angles} rad"
                 )
                 break
             time.sleep(self._driver.period / 2)
@@ -321,7 +327,7 @@ class DriverNode(LifecycleNode):
                 asked, state = request.transition, self._state_machine.current_state[1]
                 allowed = ", ".join(f"{one[0]} {one[1]}" for one in self._state_machine.available_transitions)
                 self.get_logger().warning(
-                    f"transition {asked.label or asked.id} is refused in the state {state}; allowed: {allowed}"
+                    f"transition {asked.label or asked.id} is not possible in state {state}; allowed: {allowed}"
                 )
                 response.success = False
                 return response

@@ -97,7 +97,7 @@ class LegacyProtocol:
             raise ProtocolError(f"{len(angles)} angles given; a packet carries {SERVO_COUNT}")
         for i, angle in enumerate(angles):
             if not math.isfinite(angle):
-                raise ProtocolError(f"angle of servo {i} is {angle}; it must be finite")
+                raise ProtocolError(f"the angle of servo_{i} is {angle}; it must be finite")
         return tuple(self.mapping.byte(angle) for angle in angles)
 
     def packet(self, degrees: Sequence[int]) -> bytes:
@@ -120,7 +120,7 @@ class LegacyProtocol:
             raise ProtocolError(f"packet begins with {packet[0]}; it begins with {HEADER}")
         for i, byte in enumerate(packet[1:]):
             if not BYTE_MIN <= byte <= BYTE_MAX:
-                raise ProtocolError(f"byte of servo {i} is {byte}; allowed is {BYTE_MIN} to {BYTE_MAX}")
+                raise ProtocolError(f"the byte of servo_{i} is {byte}; allowed: {BYTE_MIN} to {BYTE_MAX}")
         return tuple(self.mapping.angle(byte) for byte in packet[1:])
 
 

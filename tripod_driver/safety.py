@@ -21,7 +21,7 @@ PULSE_PERIOD: Final = 0.02
 CREEP: Final = np.radians(20.0)
 """Speed of the first motion where nobody knows from where [rad/s]: slow enough to reach for the switch."""
 
-CREEPING: Final = "nobody knows where the servos are: the first motion goes at 20 degrees a second"
+CREEPING: Final = "the positions of the servos are unknown: the first motion is slow, 20 degrees a second"
 
 
 class State(IntEnum):
@@ -88,7 +88,10 @@ class Safety:
             if not max(self._lower[i], limits.angle_min) < min(self._upper[i], limits.angle_max):
                 safe = f"{self._lower[i]:g} to {self._upper[i]:g} rad"
                 asked = f"angle_min {limits.angle_min:g} to angle_max {limits.angle_max:g} rad"
-                raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
+                raise CommandError(
+                    f"{name} has the safe range {safe}, which does not overlap with {asked}: calibrate, or change "
+                    "angle_min and angle_max"
+                )
         self.range = limits.within(lower, upper, [limits.angle_speed] * limits.count)
         self.rejected, self.last_rejection = 0, ""
         self.moment: Callable[[float], float] = lambda now: now
@@ -145,8 +148,8 @@ class Safety:
         if self._board is not State.READY:
             return self._trouble
         if self._halted:
-            return "stopped by service; change the control mode to go on"
-        return "" if self._active else "not active: commands are ignored"
+            return "stopped by a service call; change the control mode to move again"
+        return "" if self._active else "the driver is not active: commands are ignored"
 
     def motion(self, now: float) -> Motion:
         """Return what it does at `now` [s], for who waits for the end of a trajectory."""

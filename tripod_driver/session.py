@@ -142,7 +142,10 @@ class Session(ABC):
         return {}
 
 
-ECHO: Final = "the port returns what is written to it and is no robot; choose another with port:=PATH"
+ECHO: Final = (
+    "the port returns what is written to it (loopback), so it is not the robot; choose another "
+    "with --set port=PATH"
+)
 """Said of modems, and of two wires that touch."""
 
 STRAY_LINES_MAX: Final = 2
@@ -188,9 +191,13 @@ class LegacySession(Session):
         del self.readings[:-READINGS_MAX]
         if self._lines.strange:
             self.state = SessionState.LOST
-            what = "and that is no IMU" if self._protocol.has_imu else "and the workshop's firmware is silent"
+            what = (
+                "which is not an IMU reading"
+                if self._protocol.has_imu
+                else "but the workshop's firmware sends nothing"
+            )
             sent = shown(self._lines.strange)
-            self.message = f"it sends {sent} {what}: is this the right port, baud and protocol?"
+            self.message = f"the board sends {sent}, {what}; is this the right port, baud rate and protocol?"
 
     def say(self, now: float) -> bytes:
         """Nothing is due besides packets."""

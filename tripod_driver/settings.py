@@ -120,8 +120,8 @@ def _parts(values: Mapping[str, Any]) -> tuple[list[Session], Port, CommandLimit
         raise ValueError(f"parameter 'start' has {len(start)} values; it needs {count}")
     if count != SERVO_COUNT and values["protocol"] != "framed":
         raise ValueError(
-            f"parameter 'servos' is {count}, but a packet of protocol {values['protocol']} carries {SERVO_COUNT}; "
-            "choose protocol:=framed"
+            f"parameter 'servos' is {count}, but protocol {values['protocol']} carries {SERVO_COUNT} "
+            "angles; write --set protocol=framed"
         )
     if values["retry_max"] < values["retry_min"]:
         raise ValueError(
@@ -150,6 +150,7 @@ def chosen_calibration(values: Mapping[str, Any]) -> Calibration:
     found = read_calibration(Path(values["calibration"]))
     if len(found.servos) != count:
         raise CalibrationError(
-            f"{values['calibration']} is of {len(found.servos)} servos, the robot has {count}"
+            f"{values['calibration']} is the calibration of {len(found.servos)} servos, but the robot has {count}; "
+            "give the file of this robot, or correct the parameter 'servos'"
         )
     return found

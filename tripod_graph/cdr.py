@@ -22,22 +22,27 @@ def check_size(data: bytes) -> None:
     """
     if len(data) > MOST_BYTES:
         raise CommandError(
-            f"a trajectory of {len(data)} bytes; allowed are {MOST_BYTES}, and {MOST_POINTS} points"
+            f"a trajectory has {len(data)} bytes; allowed: at most {MOST_BYTES} bytes and {MOST_POINTS} "
+            "points; send a shorter one"
         )
     try:
         order = "<" if data[1] & 1 else ">"
         at = _after_string(data, order, 12)
         (names,) = struct.unpack_from(order + "I", data, at)
         if names > MOST_NAMES:
-            raise CommandError(f"a trajectory of {names} joints; allowed are {MOST_NAMES}")
+            raise CommandError(f"a trajectory has {names} joints; allowed: at most {MOST_NAMES}")
         at += 4
         for _ in range(names):
             at = _after_string(data, order, at)
         (points,) = struct.unpack_from(order + "I", data, at)
     except (struct.error, IndexError):
-        raise CommandError(f"a trajectory of {len(data)} bytes that ends before its points") from None
+        raise CommandError(
+            f"a trajectory of {len(data)} bytes ends before its points: it is damaged"
+        ) from None
     if points > MOST_POINTS:
-        raise CommandError(f"a trajectory of {points} points; allowed are {MOST_POINTS}")
+        raise CommandError(
+            f"a trajectory has {points} points; allowed: at most {MOST_POINTS}; send a shorter one"
+        )
 
 
 def _after_string(data: bytes, order: str, at: int) -> int:

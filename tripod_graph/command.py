@@ -132,14 +132,14 @@ class CommandLimits:
         The park position moves to the nearest within. Raises CommandError if a servo has nothing left.
         """
         if others := {len(lower), len(upper), len(speed)} - {self.count}:
-            raise CommandError(f"a range of {others.pop()} servos; it needs {self.count}")
+            raise CommandError(f"a range of {others.pop()} servos is given; the robot has {self.count}")
         shared = []
         for i, (low, high, rate) in enumerate(zip(lower, upper, speed, strict=True)):
             least, most = float(self.lower[i]), float(self.upper[i])
             if not (max(low, least) < min(high, most) and rate > 0):  # NaN fails
                 raise CommandError(
-                    f"servo_{i} may go from {low:g} to {high:g} rad at {rate:g} rad/s, own limits are {least:g} to "
-                    f"{most:g} rad"
+                    f"servo_{i} has the range {low:g} to {high:g} rad at {rate:g} rad/s, which does not overlap "
+                    f"with the own limits {least:g} to {most:g} rad"
                 )
             shared.append((max(low, least), min(high, most), min(rate, float(self.speed[i]))))
         angles = [min(max(a, low), high) for a, (low, high, _) in zip(self.park, shared, strict=False)]
@@ -160,7 +160,7 @@ class CommandLimits:
         i = int(np.argmin(inside))
         name, unit = self.joints[i], "m" if i == self.count else "rad"
         allowed = f"{self.lower[i]:g} to {self.upper[i]:g} {unit}"
-        raise CommandError(f"{what}: {name} is {joints[i]:g} {unit}, allowed is {allowed}")
+        raise CommandError(f"{what}: {name} is {joints[i]:g} {unit}; allowed: {allowed}")
 
 
 def _fixed(*values: float) -> FloatArray:
@@ -272,7 +272,10 @@ class CommandFollower:
         """
         try:
             if not age <= LATE:  # the negation also catches NaN
-                raise LateError(f"it should have begun {age:.3f} s ago; allowed is {LATE:g} s")
+                raise LateError(
+                    f"the trajectory should have started {age:.3f} s ago; allowed: {LATE:g} s; check that the "
+                    "clocks of both computers agree"
+                )
             points = self._checked(names, times, positions, min(age, 0.0))
             return points, self._checked_velocities(names, velocities, len(points)) if len(
                 velocities
@@ -373,10 +376,12 @@ class CommandFollower:
         before = np.concatenate([[0.0], t[:-1]])
         longest = LONGEST_TRAJECTORY + begin
         if longest < 0:
-            raise CommandError(f"it begins in {-begin:g} s; allowed is {LONGEST_TRAJECTORY:g} s")
+            raise CommandError(
+                f"the trajectory starts in {-begin:g} s; allowed: at most {LONGEST_TRAJECTORY:g} s"
+            )
         if not (ok := (t >= before) & (t <= longest)).all():
             i = int(np.argmin(ok))
-            raise CommandError(f"time of point {i} is {t[i]:g} s; allowed is {before[i]:g} to {longest:g} s")
+            raise CommandError(f"time of point {i} is {t[i]:g} s; allowed: {before[i]:g} to {longest:g} s")
         points = np.tile(self.joints, (len(t), 1))
         order = [known.index(n) for n in names]
         for i, row in enumerate(positions):
@@ -408,6 +413,6 @@ class CommandFollower:
             unit = "m/s" if known[k] == SLIDE else "rad/s"
             most = f"{self.limits.speed[k]:g} {unit}"
             raise CommandError(
-                f"point {i}: velocity of {known[k]} is {slopes[i, k]:g} {unit}, allowed is up to {most}"
+                f"point {i}: velocity of {known[k]} is {slopes[i, k]:g} {unit}; allowed: up to {most}"
             )
         return slopes

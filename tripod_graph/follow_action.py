@@ -91,7 +91,7 @@ class FollowAction:
     def leave(self) -> None:
         """End the goal that is followed, if there is one: the node ends, and its client would wait for ever."""
         if self._goal is not None:
-            self._end(self._goal.handle, Outcome.INVALID_GOAL, "interrupted: the node ends")
+            self._end(self._goal.handle, Outcome.INVALID_GOAL, "interrupted: the node is stopping")
 
     def _begin(self, handle: ServerGoalHandle) -> None:
         handle.execute()
@@ -170,7 +170,9 @@ class FollowAction:
 def _command(message: JointTrajectory, wall: float, now: float) -> Command:
     """Return what a goal commands. Planners send accelerations: positions and velocities say it all, see `command`."""
     if len(message.points) > MOST_POINTS:
-        raise CommandError(f"a trajectory of more than {MOST_POINTS} points, which is the most that is read")
+        raise CommandError(
+            f"a trajectory has more than {MOST_POINTS} points, the largest number allowed; send a shorter one"
+        )
     for point in message.points:
         point.accelerations = []
     return command_of(message, wall, now)
@@ -180,7 +182,7 @@ def _tolerances(goal: FollowJointTrajectory.Goal, joints: Sequence[str]) -> Tole
     for what in ("multi_dof_trajectory", "component_path_tolerance", "component_goal_tolerance"):
         given = getattr(goal, what)
         if len(given.points if what == "multi_dof_trajectory" else given):
-            raise CommandError(f"it has a {what}, which is not used: leave it out")
+            raise CommandError(f"the goal has a {what}, which is not supported: leave it out")
     path = {t.name: t.position for t in goal.path_tolerance}
     end = {t.name: t.position for t in goal.goal_tolerance}
     return tolerances(joints, path, end, seconds(goal.goal_time_tolerance))

@@ -117,9 +117,9 @@ def _of_joints(
     found = default.copy()
     for joint, value in asked.items():
         if joint not in joints:
-            raise CommandError(f"{name} of an unknown joint {joint!r:.60}; joints: {', '.join(joints)}")
+            raise CommandError(f"{name} names the unknown joint {joint!r:.60}; joints: {', '.join(joints)}")
         if np.isnan(value):
-            raise CommandError(f"{name} of {joint} is nan; allowed is any number")
+            raise CommandError(f"{name} of {joint} is nan; allowed: any number")
         if value:
             found[joints.index(joint)] = value if value > 0 else np.inf
     return found
@@ -130,5 +130,5 @@ def _beyond(name: str, motion: Motion, asked: FloatArray, allowed: FloatArray) -
     for joint, here, there, most in zip(motion.joints, motion.actual, asked, allowed, strict=False):
         if not abs(here - there) <= most:  # the negation also catches NaN
             unit = "m" if joint == SLIDE else "rad"
-            return f"{joint} is at {here:.4f} {unit} instead of {there:.4f}, {name} is {most:g} {unit}"
+            return f"{joint} is at {here:.4f} {unit}, but should be at {there:.4f}; {name} is {most:g} {unit}"
     return ""

@@ -4,8 +4,10 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from tripod_host.failures import RemediedError
 
-class LogPlaceError(OSError):
+
+class LogPlaceError(RemediedError):
     """ROS has no place for its logs; the message says why and what to do."""
 
 
@@ -14,7 +16,7 @@ def check_log_place(environment: Mapping[str, str]) -> None:
     place = log_place(environment)
     if place is None:
         raise LogPlaceError(
-            "HOME is not set, so ROS has no place for its logs; set ROS_LOG_DIR to a directory"
+            "HOME is not set, so ROS has no place for its logs", "set ROS_LOG_DIR to a directory"
         )
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -23,7 +25,7 @@ def check_log_place(environment: Mapping[str, str]) -> None:
         why = error.strerror or str(error)
     if why:
         raise LogPlaceError(
-            f"ROS cannot write its logs into {place}: {why}; set ROS_LOG_DIR to another directory"
+            f"ROS cannot write its logs into {place}: {why}", "set ROS_LOG_DIR to another directory"
         )
 
 

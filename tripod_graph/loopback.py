@@ -10,6 +10,8 @@ import socket
 from pathlib import Path
 from typing import Final
 
+from tripod_host.failures import RemediedError
+
 RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES: Final = "FASTRTPS_DEFAULT_PROFILES_FILE"
 OWN_PROFILES: Final = Path(__file__).with_name("loopback.xml")
@@ -49,7 +51,7 @@ def _somebody_chose() -> bool:
     return chosen or (known, distribution) != ("rmw_fastrtps_cpp", "jazzy") or not OWN_PROFILES.is_file()
 
 
-class LoopbackError(OSError):
+class LoopbackError(RemediedError):
     """No message can go from this machine to itself; the message says why and what to do."""
 
 
@@ -64,5 +66,5 @@ def check_loopback() -> None:
     except OSError as error:
         why = error.strerror or str(error)
         raise LoopbackError(
-            f"the loopback interface does not work ({why}); bring it up: sudo ip link set lo up"
+            f"the loopback interface does not work ({why})", "bring it up: sudo ip link set lo up"
         ) from None

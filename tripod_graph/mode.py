@@ -185,9 +185,9 @@ class ModeTracker:
         decided = now - age
         own = decision.source == self.source and newest  # by one clock, be it wrong
         if not (own or decided >= self._decided):  # NaN decides nothing
-            why = f"older than what is in force, {self._in_force()}"
+            why = f"older than the decision in force, {self._in_force()}"
             if decision.source == self.lost:
-                why = "its operator was silent for too long; decide anew, with a new stamp"
+                why = "its operator was silent for too long; send the decision again, with a new stamp"
             self.ignored.add(decision.source, f"{decision}: {why}", now)
             return lapsed
         self._enforce(decision, decided, now)
@@ -240,10 +240,13 @@ class ModeTracker:
 
     def _lost_notice(self) -> Iterator[str]:
         if self.lost:
-            yield f"operator {self.lost!r} is silent: everything holds, then parks"
+            yield (
+                f"operator {self.lost!r} is silent: the robot stops and holds its pose, then moves slowly to "
+                "the park pose"
+            )
 
     def _refusal(self, source: str, now: float) -> str:
-        shown = repr(source[:LONGEST_NAME]) if source else "nobody named in header.frame_id"
+        shown = repr(source[:LONGEST_NAME]) if source else "no name in header.frame_id"
         if self.mode is Mode.STOP:
             return f"control mode is STOP: commands are ignored, the last of {shown}"
         if self.mode is not Mode.IK:
@@ -316,10 +319,12 @@ def _check(decision: Decision) -> None:
         names = ", ".join(f"{m.value} {m.name}" for m in Mode)
         raise ValueError(f"control mode {decision.mode} is unknown; modes: {names}")
     if not decision.source:
-        raise ValueError(f"control mode {Mode(decision.mode).name} names no source; only STOP needs none")
+        raise ValueError(
+            f"control mode {Mode(decision.mode).name} names no source; name one (only STOP needs none)"
+        )
     if len(decision.source) > LONGEST_NAME:
         length, start = len(decision.source), decision.source[:60]
-        raise ValueError(f"source {start!r}... has {length} characters; allowed are {LONGEST_NAME}")
+        raise ValueError(f"source {start!r}... has {length} characters; allowed: at most {LONGEST_NAME}")
     if not 0 <= decision.lease <= LONGEST_LEASE:  # the negation also catches NaN
         allowed = f"0 (meaning {LEASE:g}) to {LONGEST_LEASE:g} s"
-        raise ValueError(f"lease of {decision.source!r:.80} is {decision.lease:g} s; allowed is {allowed}")
+        raise ValueError(f"lease of {decision.source!r:.80} is {decision.lease:g} s; allowed: {allowed}")

@@ -6,7 +6,10 @@ from typing import Any
 STALL = 0.5
 """A simulated clock that stands still for longer than this [s] holds nobody up: time goes on by the steady one."""
 
-STALLED = "/clock stands still, and use_sim_time is true: start what publishes it"
+STALLED = (
+    "/clock does not advance, and use_sim_time is true: start the node that publishes it, or set "
+    "use_sim_time:=false"
+)
 """What there is to say then."""
 
 JUMP = 1.0

@@ -20,7 +20,7 @@ def full_namespace(name: str) -> str:
     full = "/" + name.removeprefix("/")
     if len(full) > LONGEST or not re.fullmatch(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+", full):
         raise NamespaceError(
-            f"namespace {name!r:.80} is no name; allowed: parts of letters, digits and _ that begin with no digit, "
-            f"parted by /, of {LONGEST} characters at most"
+            f"namespace {name!r:.80} is not valid; allowed: names of letters, digits and _ that do not "
+            f"begin with a digit, joined by /, at most {LONGEST} characters"
         )
     return full

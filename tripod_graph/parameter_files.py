@@ -52,7 +52,7 @@ def strangers(files: Sequence[Path], node: str) -> list[str]:
     """Return a line for each file that has blocks, but none for the node of this full name: of another robot?"""
     told = [(file, [where for where, _ in blocks(file)]) for file in files]
     return [
-        f"parameter file {file} sets nothing of {node}: its blocks are for {', '.join(found)}"
+        f"parameter file {file} sets nothing for {node}: its blocks are for {', '.join(found)}"
         for file, found in told
         if found and not any(is_for(where, node) for where in found)
     ]

@@ -110,7 +110,9 @@ def declare(node: Node, table: Sequence[Parameter], adopt: Adopt | None = None) 
         if name in known:
             continue
         if name.startswith("qos_overrides."):
-            raise ParameterError(f"parameter '{name}' is refused: the quality of service of topics is fixed")
+            raise ParameterError(
+                f"parameter '{name}' is refused: the quality of service of topics cannot be changed"
+            )
         all_names = ", ".join(sorted(names)) or "none"
         raise ParameterError(f"parameter '{name}' is unknown; parameters: {all_names}")
     values: dict[str, Any] = {}

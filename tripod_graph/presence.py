@@ -106,8 +106,8 @@ class Rival:
         if self._mix.mixed and not self.notice and (found := _elsewhere(self._node, [self._topic])):
             who = "another node" if NAMELESS in found[1] else f"another node {found[1]}"
             self.notice = (
-                f"{who} publishes the same topics as this one, such as {self._topic}, and the two mix: end one, or "
-                "give one another namespace (__ns:=/NAME) or ROS_DOMAIN_ID"
+                f"{who} publishes the same topics as this node, such as {self._topic}, so their data mix. "
+                "Stop one, or give one another namespace (__ns:=/NAME) or ROS_DOMAIN_ID"
             )
             self._node.get_logger().warning(self.notice)
 

@@ -70,7 +70,7 @@ class RangeWatch:
             try:
                 self.limits = self._own.within(*self._told)
             except CommandError as error:
-                self.notice = f"the driver's range is not kept: {error}"
+                self.notice = f"the range of the driver cannot be applied: {error}"
 
 
 class Fence:
@@ -102,5 +102,5 @@ def cut(joints: FloatArray, limits: CommandLimits) -> str:
     for name, angle, low, high in zip(servos, joints, limits.lower, limits.upper, strict=False):
         if not low - 1e-9 <= angle <= high + 1e-9:
             safe = f"its safe range is {low:.3f} to {high:.3f} rad"
-            return f"{name} is asked for {angle:.3f} rad, {safe}: the nearest is sent"
+            return f"{name} is commanded to {angle:.3f} rad, {safe}; the nearest allowed angle is sent"
     return ""

@@ -86,7 +86,7 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     for word in own:
         name, assigns, value = word.partition(":=")
         if not (name and assigns):
-            raise ValueError(f"argument {word!r} is not understood; NAME:=VALUE sets a parameter")
+            raise ValueError(f"argument {word!r} is not understood; set a parameter with NAME:=VALUE")
         words += ["-r" if name.startswith("__") else "-p", f"{name}:={_floats(value)}"]
     return ["--ros-args", *words, *ros] if words or ros else []
 
@@ -264,7 +264,7 @@ def _init(words: Sequence[str]) -> list[Path]:
         rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         if str(error).startswith("["):  # UnknownROSArgsError, which rclpy does not export
-            raise ValueError(f"ROS knows no argument {str(error)[1:-1]}") from None
+            raise ValueError(f"ROS does not know the argument {str(error)[1:-1]}") from None
         raise
     SHARED.set(shared_names(files))
     return files
@@ -277,7 +277,7 @@ def _check_namespaces(ros: Sequence[str]) -> None:
         if option in ("-r", "--remap") and assigns and name.rpartition(":")[2] in ("__ns", "rosnamespace"):
             full = full_namespace(value)
             if value != full:
-                raise ValueError(f"namespace {value!r} is not a full one; write {name}:={full}")
+                raise ValueError(f"namespace {value!r} must begin with /; write {name}:={full}")
 
 
 def _close_nodes(name: str) -> int:

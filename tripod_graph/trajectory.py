@@ -56,7 +56,9 @@ def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
     points = message.points
     for what in ("accelerations", "effort"):
         if any(len(getattr(point, what)) for point in points):
-            raise CommandError(f"its points have {what}, which are not used: leave them out")
+            raise CommandError(
+                f"the points of the trajectory have {what}, which are not supported: leave them out"
+            )
     stamp = seconds(message.header.stamp)
     moving = [point.velocities for point in points if len(point.velocities)]
     return Command(

@@ -10,7 +10,7 @@ from pathlib import Path
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a disk, or a share of it, without room."""
 
-MAKE_ROOM = "make room on that disk, or name a place on another"
+MAKE_ROOM = "free space on that disk, or name a place on another disk"
 
 PACKAGE = Path(__file__).resolve().parents[1] / "tripod_sim"
 """Where most of the compiled loops are."""
@@ -19,6 +19,19 @@ NUMBA_CACHE = "numba.core.caching"
 """The module of Numba that keeps compiled loops."""
 
 ELSEWHERE = "set NUMBA_CACHE_DIR to a directory that you can write to"
+
+
+class RemediedError(OSError):
+    """Something of the machine is wrong; the message says what, and what to do.
+
+    Attributes:
+        found: What is wrong.
+        remedy: What to do.
+    """
+
+    def __init__(self, found: str, remedy: str) -> None:
+        super().__init__(f"{found}; {remedy}")
+        self.found, self.remedy = found, remedy
 
 
 def reason(error: OSError) -> str:
@@ -76,8 +89,11 @@ def _kernel_words(error: Exception) -> str:
     places = kernel_places()
     if isinstance(error, OSError):
         where = error.filename or first_writable(places) or places[0]
-        return f"compiled loops cannot be kept in {where}: {error.strerror or error}; {ELSEWHERE}, with room for them"
+        return (
+            f"compiled loops cannot be stored in {where}: {error.strerror or error}; {ELSEWHERE} with "
+            "free space"
+        )
     if "cannot cache" not in str(error):
         return ""
     barred = ", ".join(str(place) for place in places if not _can_write(existing(place)))
-    return f"compiled loops cannot be kept; not writable: {barred}; {ELSEWHERE}"
+    return f"compiled loops cannot be stored; not writable: {barred}; {ELSEWHERE}"

@@ -31,7 +31,7 @@ def private_directory(environment: Mapping[str, str]) -> Path:
             return directory
     raise OSError(
         errno.EACCES,
-        "no directory is this user's alone; set XDG_RUNTIME_DIR to one that only you can write to",
+        "no directory belongs to this user only; set XDG_RUNTIME_DIR to one that only you can write to",
     )
 
 

@@ -17,6 +17,6 @@ def check_open_files() -> None:
         return
     if hard != resource.RLIM_INFINITY and hard < LEAST:
         raise OpenFilesError(
-            f"only {hard} files may be open at a time; {LEAST} are needed: ulimit -n {LEAST}"
+            f"only {hard} files may be open at a time, but {LEAST} are needed; type: ulimit -n {LEAST}"
         )
     resource.setrlimit(resource.RLIMIT_NOFILE, (LEAST, hard))

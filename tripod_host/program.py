@@ -89,7 +89,9 @@ def open_streams(name: str) -> None:
     if 2 in closed:
         sys.stderr = io.TextIOWrapper(io.FileIO(2, "w", closefd=False), encoding="utf-8", write_through=True)
     if 1 in closed:
-        print(f"{name}: standard output is closed; give it a file, such as /dev/null", file=sys.stderr)
+        print(
+            f"{name}: standard output is closed; redirect it to a file, such as > /dev/null", file=sys.stderr
+        )
         sys.exit(FAILED)
     if isinstance(sys.stdout, io.TextIOWrapper):  # names and signs that the locale lacks are written as \x..
         sys.stdout = named_output(sys.stdout)
@@ -103,7 +105,9 @@ def check_directory(name: str) -> None:
         Path.cwd()
     except OSError as error:
         print(
-            f"{name}: the current directory is gone ({failure_words(error)}); cd to another", file=sys.stderr
+            f"{name}: the current directory was removed ({failure_words(error)}); change to another one "
+            "with cd",
+            file=sys.stderr,
         )
         sys.exit(FAILED)
 

@@ -46,7 +46,7 @@ def align(predicted: FloatArray, measured: FloatArray, channels: tuple[Channel, 
         before, after, groups = _places(predicted, measured, channels)
         if len(before) < 3:
             raise DataError(
-                f"--align rigid needs three whole places (x, y and z); the data have {len(before)}"
+                f"--align rigid needs three measured positions with x, y and z; the data have {len(before)}"
             )
         R = best_rotation(before - before.mean(axis=0), after - after.mean(axis=0))
         turn, shift = rotation_vector(R), after.mean(axis=0) - R @ before.mean(axis=0)

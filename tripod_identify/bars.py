@@ -238,7 +238,7 @@ def _checked(scene: Scene, posterior: Posterior, slides: FloatArray) -> list[Par
             )
         if p.name == "servos.slide" and np.abs(slides - found).max() > 1e-4:
             raise DataError(
-                f"the slide was found to be {found:.6f} m; it is asked for at {slides[0]:g} m: give --slide {found:.6f}"
+                f"the identified slide is {found:.6f} m, but {slides[0]:g} m is given; use --slide {found:.6f}"
             )
     if posterior.amounts and repr(scene.mesh) != posterior.mesh:
         raise DataError(
@@ -298,7 +298,9 @@ def posterior_from_json(table: Any) -> Posterior:
             _numbers(table["noise"], (p, p)),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError):
-        raise DataError("it is not what `tripod identify --json` prints, or has been changed") from None
+        raise DataError(
+            "the file is not what `tripod identify --json` prints, or was changed; write it again"
+        ) from None
 
 
 def read_posterior(path: Path) -> Posterior:
@@ -311,7 +313,7 @@ def read_posterior(path: Path) -> Posterior:
         raise DataError(f"{path}: {error}") from None
     except (KeyError, TypeError, ValueError, RecursionError):
         raise DataError(
-            f"{path} has no posterior: write it by `tripod identify ... --json > {path.name}`"
+            f"{path} contains no posterior; write it with `tripod identify ... --json > {path.name}`"
         ) from None
 
 

@@ -89,8 +89,9 @@ def read_header(
     bare = [name for name in header if not _COLUMN.fullmatch(name)]
     if bare:
         raise DataError(
-            f"column {', '.join(map(repr, bare[:5]))}{' and others' if len(bare) > 5 else ''}: no unit; write it at "
-            f"the end, as in effector.x_mm, servo_0_rad, t_s; units: {', '.join(UNITS)}"
+            f"column {', '.join(map(repr, bare[:5]))}{(' and others' if len(bare) > 5 else '')}: no unit; "
+            "add it at the end of the name, as in effector.x_mm, servo_0_rad, t_s; units: "
+            f"{', '.join(UNITS)}"
         )
     time: tuple[int, float] | None = None
     slide: tuple[int, float] | None = None
@@ -124,14 +125,18 @@ def read_header(
     if sorted(angles) != list(range(len(angles))) or len(angles) not in (0, servos):
         given = ", ".join(f"servo_{i}" for i in sorted(angles))
         raise DataError(
-            f"the data command {given}; the scene has {servos} servos: is this another robot's file?"
+            f"the data have commands for {given}; the scene has {servos} servos: does the file belong to "
+            "another robot?"
         )
     if not (measured or angles):
-        raise DataError("no column commands a servo: servo_0_rad, servo_1_rad and so on")
+        raise DataError(
+            "no column gives the angle of a servo; name such columns servo_0_rad, servo_1_rad and so on"
+        )
     if measured and not channels:
         raise DataError(
-            f"no column is of anything in the scene, which has {', '.join(sources) or 'no effector and no marker'}; "
-            f"columns: {', '.join(header[:12])}; --rename OLD=NEW gives one another name"
+            "no column belongs to anything in the scene, which has "
+            f"{', '.join(sources) or 'no effector and no marker'}; columns: {', '.join(header[:12])}; "
+            "rename one with --rename OLD=NEW"
         )
     return Columns(
         time, tuple(angles[i] for i in range(len(angles))), slide,
@@ -147,5 +152,5 @@ def _expect(column: str, kind: str, wanted: str) -> None:
 
 def _once(column: str, before: tuple[int, float] | None, place: tuple[int, float]) -> tuple[int, float]:
     if before is not None:
-        raise DataError(f"column {column!r} is the second one for the same number")
+        raise DataError(f"column {column!r} gives the same number as another column; remove one")
     return place

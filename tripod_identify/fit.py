@@ -205,7 +205,7 @@ def fit(
         weights.sigma = sigma
         if moved < SETTLED and not sums.ends(before, u):
             return _known(sums, u, rows, number)
-    raise FitError(f"the size of the errors did not settle in {ROUNDS} rounds; are most of the rows wrong?")
+    raise FitError(f"the size of the errors was not found in {ROUNDS} rounds; are most of the rows wrong?")
 
 
 def _in_step(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior]) -> FloatArray:
@@ -235,7 +235,8 @@ def enough(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior
     number = int((np.isfinite(problem.measured.values) & rows[:, None]).sum())
     if number + sum(name in priors for name in names) < len(names) + 1:
         raise DataError(
-            f"{number} measured numbers for {len(names)} values ({', '.join(names)}): give more rows, or fit fewer"
+            f"{number} measured numbers for {len(names)} values ({', '.join(names)}): too few; give more "
+            "rows, or fit fewer values"
         )
     return number
 
@@ -293,7 +294,9 @@ class _Sums:
             f_scale=CAUCHY, x_scale="jac", xtol=xtol, ftol=ftol, gtol=1e-12, max_nfev=40,
         )  # fmt: skip
         if not np.isfinite(found.cost):
-            raise FitError("no values were found: the predictions are not finite")
+            raise FitError(
+                "no values were found: the predictions are not finite; are units and signs of the data right?"
+            )
         if found.status == 0:
             raise FitError(
                 f"no convergence after {self.problem.evaluations} predictions; are units and signs of the data right?"
@@ -314,13 +317,16 @@ def hopeless(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Pri
         if len(sizes) > len(kept) and sizes.min() > SAME * max(float(sizes.max()), SAME):
             kept.append(j)
             continue
-        found[j] = "nothing in these data depends on it"
+        found[j] = "no measured number depends on it"
         if kept and np.linalg.norm(scaled[:, j]) > SAME:
             mixture = np.abs(np.linalg.lstsq(scaled[:, kept], scaled[:, j], rcond=None)[0])
             names = [
                 problem.wanted[i].name for i, m in zip(kept, mixture, strict=True) if m > 0.05 * mixture.max()
             ]
-            found[j] = f"{' and '.join(names)} can do the same to these data"
+            found[j] = (
+                f"{' and '.join(names)} have the same effect on these data; fit one of them, or give the "
+                "other a --prior"
+            )
     return found
 
 
@@ -378,7 +384,7 @@ def profile(
                 break
             reach *= float(np.clip(wanted / max(got, 1e-6), 0.3, 3.0))
         else:
-            raise FitError(f"the profile of {mine.name} has no end within {reach:.3g} of its value")
+            raise FitError(f"the interval of {mine.name} has no end within {reach:.3g} of its value")
         ends.append(float(fit.u[j] + side * reach))
     return ends[0], ends[1]
 

@@ -155,10 +155,10 @@ def identify(
     say = note or (lambda _: None)
     asked = parameters(scene, wanted.names, align=wanted.align)
     if not [p for p in asked if not p.nuisance]:
-        raise DataError("nothing to identify: name values by --fit, such as --fit material.young")
+        raise DataError("nothing to identify: name values with --fit, such as --fit material.young")
     for name, prior in wanted.priors.items():
         if name not in {p.name for p in asked}:
-            raise DataError(f"--prior {name}: it is not among the values to fit")
+            raise DataError(f"--prior {name}: it is not among the fitted values; add it with --fit")
         check_range(next(p for p in asked if p.name == name), prior.value, scene)
     rows = ~held_rows(measured, wanted.hold_out)
     base = plainly(scene)
@@ -175,19 +175,20 @@ def identify(
     if last.outliers:
         which = ", ".join(map(str, last.outliers[:12])) + (", ..." if len(last.outliers) > 12 else "")
         notes.append(
-            f"{len(last.outliers)} of {int(rows.sum())} rows are more than 6 sigma off, and hardly count: {which}"
+            f"{len(last.outliers)} of {int(rows.sum())} rows are more than 6 standard deviations off and "
+            f"get almost no weight: {which}; check these rows"
         )
         notes += _columns_off(last, measured)
     notes += _hang_together(last, measured)
     both: Shares | None = None
     if wanted.mesh:
-        say("the same on other meshes")
+        say("repeating the fit on other meshes")
         try:
             both = shares(problem, last)
         except (SceneError, StepError) as error:
-            notes.append(f"what the mesh makes is not known: {error}")
+            notes.append(f"the effect of the mesh is not known: {error}")
         if both and (far := _too_far(both, last)):
-            notes.append(f"what the mesh makes is not known: {far}; take a finer mesh, or more rows")
+            notes.append(f"the effect of the mesh is not known: {far}; take a finer mesh, or more rows")
             both = None
     solved = problem.at(last.u)
     after = score(last.values[rows], measured.rows(rows))
@@ -221,9 +222,12 @@ def _hang_together(last: Fit, measured: Measured) -> list[str]:
     if measured.times is None or last.freedom >= WORTH * count:
         return []
     return [
-        f"errors of rows that are close in time hang together: {count} numbers tell as much as {last.freedom}, and "
-        f"intervals are up to {last.longer.max():.1f} times as long; the sensor may drift, the model not explain "
-        "the motion, or its swing be out of step: look at the report, or begin with a modulus nearer by"
+        (
+            f"errors of rows close in time are correlated: {count} numbers say as much as {last.freedom} "
+            f"independent ones, and intervals are up to {last.longer.max():.1f} times as long. The sensor "
+            "may drift, the model may not explain the motion, or its swing may be out of step: look at "
+            "the report, or start from a better value of the stiffness"
+        )
     ]
 
 
@@ -236,8 +240,8 @@ def _columns_off(last: Fit, measured: Measured) -> list[str]:
         count, off = int(np.isfinite(column).sum()), int((column > OUTLIER).sum())
         if off > MOST * count:
             found.append(
-                f"{channel.label} is more than 6 sigma off in {off} of {count} rows, and so tells nothing: another "
-                "unit, another frame (--align), another sensor?"
+                f"{channel.label} is more than 6 standard deviations off in {off} of {count} rows, so it is "
+                "not used: does it have another unit, another frame (--align) or another sensor?"
             )
     return found
 
@@ -247,7 +251,7 @@ def _too_far(both: Shares, last: Fit) -> str:
     moved = both.mesh.move + (both.step.move if both.step else 0.0)
     for j, p in enumerate(last.wanted):
         if not (p.nuisance or (abs(moved[j]) <= p.width and both.covariance[j, j] >= 0)):
-            return f"{p.name} would move by {abs(moved[j]) / p.width:.2g} times its plausible width"
+            return f"{p.name} would change by {abs(moved[j]) / p.width:.2g} times its plausible range"
     return ""
 
 
@@ -266,7 +270,7 @@ def held_rows(measured: Measured, share: float) -> NDArray[np.bool_]:
     """Return which rows are held out: of poses every so many-th, of a motion the end. Raises DataError."""
     count = len(measured.values)
     if not 0 <= share <= 0.5:
-        raise DataError(f"--hold-out is {share:g}; allowed: 0 to 0.5, a share of the rows")
+        raise DataError(f"--hold-out is {share:g}; allowed: 0 to 0.5, the share of the rows")
     out = np.zeros(count, dtype=bool)
     if not share:
         return out
@@ -305,12 +309,12 @@ def _told_ones(
     same = hopeless(problem, rows, priors)
     for j, why in same.items():
         untold.append(Untold(problem.wanted[j], why))
-        say(f"{problem.wanted[j].name} is not told by the data: {untold[-1].why}")
+        say(f"{problem.wanted[j].name} cannot be found from the data: {untold[-1].why}")
     if same:
         others = [i for i in range(len(problem.wanted)) if i not in same]
         if not [i for i in others if not problem.wanted[i].nuisance]:
             names = ", ".join(u.parameter.name for u in untold)
-            raise FitError(f"the data tell none of the values: {names}; {untold[-1].why}")
+            raise FitError(f"the data determine none of the values: {names}; {untold[-1].why}")
         problem = Problem(problem.base, [problem.wanted[i] for i in others], problem.measured, problem.points)
         problem.lend(near)
     while True:
@@ -321,11 +325,11 @@ def _told_ones(
             return (last, problem), untold
         j = max(bad, key=lambda j: (bool(not last.at_bound[j]), round(min(halves[j], 1e6), 6), j))
         untold.append(Untold(last.wanted[j], _why(last, j)))
-        say(f"{untold[-1].parameter.name} is not told by the data: {untold[-1].why}")
+        say(f"{untold[-1].parameter.name} cannot be found from the data: {untold[-1].why}")
         others = [i for i in range(len(last.wanted)) if i != j]
         if not [i for i in others if not last.wanted[i].nuisance]:
             names = ", ".join(u.parameter.name for u in untold)
-            raise FitError(f"the data tell none of the values: {names}; {untold[-1].why}")
+            raise FitError(f"the data determine none of the values: {names}; {untold[-1].why}")
         near = problem.at(last.u)
         problem = Problem(problem.base, [last.wanted[i] for i in others], problem.measured, problem.points)
         problem.lend(near)
@@ -337,10 +341,10 @@ def _why(last: Fit, j: int) -> str:
     p = last.wanted[j]
     if last.at_bound[j] and last.half[j] <= p.width:
         end = p.low if last.u[j] - p.bounds[0] < p.bounds[1] - last.u[j] else p.high
-        return f"it ends at its bound, {end:g} {p.unit}".rstrip()
+        return f"it stops at its limit, {end:g} {p.unit}".rstrip()
     i, correlation = last.partner(j)
     reach = min(float(last.half[j] / p.width), 1e9)
-    text = f"its 90 % interval is {reach:.2g} times its plausible width to each side"
+    text = f"its 90 % interval is {reach:.2g} times its plausible range to each side"
     if i >= 0 and abs(correlation) > 0.9:
         text += f", correlation {correlation:.3f} with {last.wanted[i].name}"
     return text + f"; condition {last.condition:.2g}"
@@ -370,7 +374,7 @@ def _profiles(
         try:
             found[j] = profile(last, problem, j, wanted.priors)
         except (FitError, StepError) as error:
-            notes.append(f"no profile of {p.name}: {error}")
+            notes.append(f"no interval of {p.name}: {error}")
     return found
 
 
@@ -380,8 +384,8 @@ def _against(last: Fit, priors: Mapping[str, Prior]) -> list[str]:
     for p, u in zip(last.wanted, last.u.tolist(), strict=True):
         if p.name in priors and (off := abs(p.of_u(u) - priors[p.name].value) / priors[p.name].sd) > OUTLIER:
             found.append(
-                f"the model does not explain the data together with --prior: they ask for {p.name} = "
-                f"{p.of_u(u):.4g}, {off:.0f} standard deviations from it"
+                f"the data and --prior disagree: the data give {p.name} = {p.of_u(u):.4g}, {off:.0f} standard "
+                "deviations from the prior; check the units of both"
             )
     return found
 

@@ -77,8 +77,10 @@ def rest_rows(result: Identified) -> list[list[str]]:
 def untold_lines(result: Identified) -> list[str]:
     """Return a sentence for each value that the data do not tell."""
     return [
-        f"{u.parameter.name} is not told by these data ({u.why}); held at "
-        f"{u.parameter.value:g} {u.parameter.unit}".rstrip()
+        (
+            f"{u.parameter.name} cannot be found from these data ({u.why}); it stays at "
+            f"{u.parameter.value:g} {u.parameter.unit}"
+        ).rstrip()
         for u in result.untold
     ]
 

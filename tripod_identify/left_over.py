@@ -46,8 +46,8 @@ class LeftOver:
             return ""
         share = 100 * self.systematic**2 / self.rms**2
         return (
-            f"the model does not explain the data: {share:.0f} % of the squared rest follows commands or time, as no "
-            "noise does"
+            f"the model does not explain the data: {share:.0f} % of the remaining squared error follows "
+            "the commands or time, which noise does not"
         )
 
     def as_json(self) -> dict[str, Any]:

@@ -37,9 +37,11 @@ def read_lens(path: Path) -> Lens:
     except OSError as error:
         raise DataError(f"lens {path} cannot be read: {error.strerror or error}") from None
     except (UnicodeDecodeError, yaml.YAMLError, ValueError, RecursionError):
-        raise DataError(f"lens {path} is no YAML") from None
+        raise DataError(
+            f"lens {path} is not valid YAML; give the ost.yaml that `camera_calibration` writes"
+        ) from None
     if not isinstance(table, dict):
-        raise DataError(f"lens {path} holds no table; it is what `camera_calibration` writes, ost.yaml")
+        raise DataError(f"lens {path} contains no table; give the ost.yaml that `camera_calibration` writes")
     width, height = (_pixels(path, table, key) for key in ("image_width", "image_height"))
     matrix = _numbers(path, table, "camera_matrix", (9,)).reshape(3, 3)
     distortion = _numbers(path, table, "distortion_coefficients", (4, 5, 8))
@@ -47,7 +49,9 @@ def read_lens(path: Path) -> Lens:
     if model not in ("plumb_bob", "rational_polynomial"):
         raise DataError(f"lens {path}: distortion_model is {model!r}; known: plumb_bob, rational_polynomial")
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], [0, 0, 1])):
-        raise DataError(f"lens {path}: camera_matrix is no [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]")
+        raise DataError(
+            f"lens {path}: camera_matrix must have the form [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]"
+        )
     return Lens((width, height), matrix, distortion)
 
 

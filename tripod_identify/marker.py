@@ -56,8 +56,8 @@ class MarkerFinder:
         if image.shape[:2] != self._lens.size[::-1]:
             has, wanted = image.shape[1::-1], self._lens.size
             raise DataError(
-                f"the camera gives images of {has[0]} x {has[1]} pixels; its lens was measured with {wanted[0]} x "
-                f"{wanted[1]}"
+                f"the camera gives images of {has[0]} x {has[1]} pixels, but its lens was measured at "
+                f"{wanted[0]} x {wanted[1]}; set the camera to that size or measure the lens again"
             )
         rough = self._corners_of(self._coarse, image)
         if rough is None or np.linalg.norm(rough - np.roll(rough, 1, axis=0), axis=1).min() < SMALLEST:

@@ -95,7 +95,7 @@ def read_csv(
         slide = _whole(table[:, columns.slide[0]], numbers, header[columns.slide[0]]) * columns.slide[1]
     values = np.column_stack([table[:, i] * size for i, size, _ in columns.channels])
     notes = (
-        [f"columns of nothing in the scene are left out: {', '.join(columns.ignored)}"]
+        [f"these columns belong to nothing in the scene and are left out: {', '.join(columns.ignored)}"]
         if columns.ignored
         else []
     )
@@ -141,7 +141,7 @@ def _row(line: str, number: int, header: list[str]) -> list[float]:
         try:
             row.append(float(cell) if cell else np.nan)
         except ValueError:
-            raise DataError(f"line {number}, column {name!r}: {cell[:40]!r} is no number") from None
+            raise DataError(f"line {number}, column {name!r}: {cell[:40]!r} is not a number") from None
     return row
 
 
@@ -150,7 +150,8 @@ def _whole(column: FloatArray, lines: Sequence[int], name: str) -> FloatArray:
     bad = np.flatnonzero(~np.isfinite(column))
     if bad.size:
         raise DataError(
-            f"line {lines[bad[0]]}: {name} is {column[bad[0]]:g}; commands and times must be whole"
+            f"line {lines[bad[0]]}: {name} is {column[bad[0]]:g}; commands and times cannot be empty: "
+            "fill the cell or remove the line"
         )
     return column
 
@@ -172,7 +173,8 @@ def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
     for what in (measured.angles, measured.slide):
         if what is not None and servos is None:
             raise DataError(
-                f"the data command servos; scene {scene.name!r} has none: is this another robot's file?"
+                f"the data have commands for servos, but scene {scene.name!r} has none: does the file belong "
+                "to another robot?"
             )
     if measured.angles is not None and servos:
         low, high = servos.angle_min - 1e-6, servos.angle_max + 1e-6
@@ -182,7 +184,8 @@ def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
             angle = measured.angles[k, i]
             raise DataError(
                 f"line {lines[k]}: servo_{i} at {angle:g} rad; the scene allows {servos.angle_min:g} to "
-                f"{servos.angle_max:g} rad: another robot's file, or degrees taken for radians?"
+                f"{servos.angle_max:g} rad: does the file belong to another robot, or are degrees labelled as "
+                "radians?"
             )
     if measured.slide is not None and servos:
         out = np.flatnonzero(~((measured.slide >= -1e-9) & (measured.slide <= servos.slide_max + 1e-9)))

@@ -63,8 +63,8 @@ def plainly(scene: Scene) -> Told:
     """
     if any(body.servos for body in scene.body):
         raise SceneError(
-            f"scene {scene.name!r} has bodies with servos of their own ([body.servos]); only those of [servos] can be "
-            "compared with data: make a scene of that one robot"
+            f"scene {scene.name!r} has bodies with their own servos ([body.servos]); data can be compared "
+            "with [servos] only: make a scene of that one robot"
         )
     count = scene.servos.count if scene.servos else 0
     return Told(scene, np.zeros(count), np.ones(count), plain_sensor())
@@ -96,12 +96,13 @@ class Rest:
         self.scene = still(with_watched(scene, points))
         if self.scene.prescribed:
             raise SceneError(
-                "poses at rest of a scene with [[prescribed]] are not defined; give the data a time column"
+                "a scene with [[prescribed]] has no pose at rest; give the data a column t_s with the time"
             )
         self.parts: Parts = build(self.scene, progress)
         if not isinstance(self.parts.system, System):
             raise SceneError(
-                f"scene {scene.name!r} has no soft solid: nothing of it is at rest by its stiffness"
+                f"scene {scene.name!r} has no solid with a stiffness, so it has no pose at rest; take one "
+                "with [mesh] and [material]"
             )
         self.system: System = self.parts.system
         watched = {t.set: nodes for t, nodes in zip(self.scene.marker, self.parts.watched, strict=True)}
@@ -210,7 +211,8 @@ def run_motion(
     scene = with_watched(told.scene, points)
     if not scene.inertia:
         raise SceneError(
-            f"scene {scene.name!r} has no [inertia], so it cannot move in time; --poses takes the rows as poses"
+            f"scene {scene.name!r} has no [inertia], so it has no motion in time; --poses takes each row "
+            "as a pose at rest"
         )
     commands = told.joints(measured.joints(scene))
     if s := scene.servos:
@@ -266,4 +268,4 @@ def check_points(scene: Scene, points: Sequence[Point]) -> None:
     names = [p.name for p in points]
     for name in names:
         if names.count(name) > 1 or name in {marker.set for marker in scene.marker} or name == "effector":
-            raise DataError(f"--point {name!r}: there is already something of that name")
+            raise DataError(f"--point {name!r}: the name is already used; choose another")

@@ -61,7 +61,9 @@ def sources_of(scene: Scene, points: Sequence[Point]) -> tuple[str, ...]:
     disc = EFFECTOR if effector_of(scene) else ()
     for point in points:
         if point.set == DISC and not disc:
-            raise DataError(f"--point {point.name}={DISC}: scene {scene.name!r} has no effector; name a set")
+            raise DataError(
+                f"--point {point.name}={DISC}: scene {scene.name!r} has no effector; name a set of the scene"
+            )
     return (*disc, *(marker.set for marker in scene.marker), *(p.name for p in points))
 
 

@@ -6,7 +6,7 @@ then all that a fit moves is of order one.
 
 import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -105,7 +105,7 @@ def parameters(scene: Scene, names: Sequence[str], *, align: str = "none") -> li
         found += [replace(p, nuisance=True) for name in wanted for p in _named(scene, name) if p not in found]
     every = [p.name for p in found]
     if twice := [name for name in every if every.count(name) > 1]:
-        raise DataError(f"--fit {twice[0]}: given twice")
+        raise DataError(f"--fit {twice[0]} is given twice; remove one")
     return found
 
 
@@ -124,12 +124,14 @@ def _named(scene: Scene, name: str) -> list[Parameter]:
     rest = name.removeprefix(family).removeprefix(".")
     if rest and rest not in members:
         raise DataError(
-            f"--fit {name}: {family} has {', '.join(members) or 'nothing, for the scene has no servos'}"
+            f"--fit {name}: {family} has {', '.join(members) or 'no entry, as the scene has no servos'}"
         )
     if not members:
-        raise DataError(f"--fit {name}: scene {scene.name!r} has no servos")
+        raise DataError(f"--fit {name}: scene {scene.name!r} has no servos; leave it out, or add [servos]")
     if family == MOUNT and not effector_of(scene):
-        raise DataError(f"--fit {name}: scene {scene.name!r} has no effector")
+        raise DataError(
+            f"--fit {name}: scene {scene.name!r} has no effector; leave it out, or add [effector]"
+        )
     return [_of_family(family, member) for member in ([rest] if rest else members)]
 
 
@@ -165,6 +167,36 @@ def _field(scene: Scene, name: str) -> Parameter:
     return Parameter(name, value, *bounds, unit, positive, plausible or 1.0)
 
 
+def _numbers(table: Any, path: str, *, declared: bool) -> Iterator[tuple[str, float]]:
+    """Yield the names of the numbers in a table of a scene that can be fitted, and their values."""
+    if is_dataclass(table):
+        for f in fields(table):
+            where = f"{path}.{f.name}" if path else f.name
+            yield from _numbers(getattr(table, f.name), where, declared="unit" in f.metadata)
+    elif isinstance(table, tuple):
+        for i, part in enumerate(table):
+            yield from _numbers(part, f"{path}.{i}", declared=declared)
+    elif declared and isinstance(table, float):
+        yield path, table
+
+
+def _instead(scene: Scene, path: str) -> str:
+    """Return what could be typed in place of a name that cannot be fitted: close names, or an example."""
+    numbers = dict(_numbers(scene, "", declared=False))
+    inside = sorted((name for name in numbers if name.startswith(f"{path}.")), key=lambda n: numbers[n] == 0)
+    names = [name for name in FAMILIES if name not in (ZERO, GAIN) or scene.servos] + list(numbers)
+    head, _, last = path.rpartition(".")
+    near = inside or [name for name in names if name.rpartition(".")[2] == last]
+    siblings = {name.rpartition(".")[2]: name for name in names if name.rpartition(".")[0] == head}
+    near = near or [siblings[word] for word in difflib.get_close_matches(last, siblings, 1)]
+    if near:
+        return f"; did you mean {near[0]}?"
+    example = next((name for name in ("material.young", *numbers) if name in numbers), "")
+    return (
+        f"; name a number of the scene{example and f', such as {example}'}, or one of {', '.join(FAMILIES)}"
+    )
+
+
 def field_at(scene: Scene, path: str) -> tuple[float, Any]:
     """Return a numeric field of a scene and its declaration. Raises DataError for anything else."""
     node: Any = scene
@@ -175,25 +207,28 @@ def field_at(scene: Scene, path: str) -> tuple[float, Any]:
         if is_dataclass(node):
             known = {f.name: f for f in fields(node)}
             if key not in known:
-                near = difflib.get_close_matches(key, known, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise DataError(
-                    f"--fit {path}: {where} has no {key!r}; it has {', '.join(known)}, and there are "
-                    f"{', '.join(FAMILIES)}{hint}"
-                )
+                raise DataError(f"--fit {path}: {where} has no {key!r}{_instead(scene, path)}")
             meta, node = known[key].metadata, getattr(node, key)
         elif isinstance(node, tuple) and key.isdigit() and int(key) < len(node):
             node = node[int(key)]
         else:
-            raise DataError(f"--fit {path}: {where} has no {key!r}" + ("; it is off" if node is None else ""))
-    if isinstance(node, bool) or not isinstance(node, int | float) or "unit" not in meta:
+            raise DataError(
+                f"--fit {path}: {where} has no {key!r}"
+                + (f"; {where} is off: add [{where}] to the scene" if node is None else _instead(scene, path))
+            )
+    if isinstance(node, tuple) and node and isinstance(node[0], float):
         raise DataError(
-            f"--fit {path}: it is {node!r}, no number that could be fitted"
-            + ("; give it a value" if node is None else "")
+            f"--fit {path} is a list of {len(node)} numbers; name one of them{_instead(scene, path)}"
         )
+    if isinstance(node, bool) or not isinstance(node, int | float) or "unit" not in meta:
+        if node is None:
+            raise DataError(
+                f"--fit {path} has no value; give it one in the scene first, with --set {path}=VALUE"
+            )
+        raise DataError(f"--fit {path} is {node!r}, which is not a number{_instead(scene, path)}")
     if isinstance(node, int):
         raise DataError(
-            f"--fit {path}: it is a whole number, {node}; only values without steps can be fitted"
+            f"--fit {path} is a whole number, {node}; only numbers that can vary continuously can be fitted"
         )
     return float(node), meta
 

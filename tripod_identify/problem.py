@@ -76,12 +76,15 @@ class Problem:
         names = [p.name for p in wanted]
         if measured.slide is not None and "servos.slide" in names:
             raise DataError(
-                "--fit servos.slide: the data have a column of their own for the slide, which is obeyed; leave out one "
-                "of the two"
+                "--fit servos.slide: the data have a column for the slide, which sets it; leave out one of "
+                "the two"
             )
         moving = [n for n in names if n.split(".")[0] in ("damping", "inertia") or n == START]
         if measured.times is None and moving:
-            raise DataError(f"--fit {moving[0]}: the data are poses at rest, which do not depend on it")
+            raise DataError(
+                f"--fit {moving[0]}: the data are poses at rest, which do not depend on it; give the data a "
+                "column t_s, or leave it out"
+            )
         self.base, self.wanted, self.measured, self.points = base, tuple(wanted), measured, tuple(points)
         self.evaluations = 0
         self._progress = progress
@@ -187,11 +190,14 @@ def rest_jacobian(
     found = np.empty((*here.values.shape, len(wanted)))
     for k, state in enumerate(here.states):
         if system.assemble(state, project=False) >= 0:
-            raise StepError(f"row {k + 1} of the data: an element is unstable at rest")
+            raise StepError(
+                f"row {k + 1} of the data: an element is unstable at rest; is the pose beyond what the robot "
+                "can take?"
+            )
         system.evaluate(state)
         if not system.factor():
             raise StepError(
-                f"row {k + 1} of the data: the tangent at rest is singular or not positive definite (a snap?)"
+                f"row {k + 1} of the data: the pose at rest is not stable (close to a snap); leave the row out"
             )
         residual = system.residual.copy()
         for j, (assumed, other, joints, step) in enumerate(others):
@@ -239,6 +245,6 @@ def _meshed(assumed: Told, change: Callable[[Any], Any]) -> Told:
     scene = assumed.scene
     bodies = tuple(replace(b, mesh=change(b.mesh)) if b.mesh else b for b in scene.body)
     if not scene.mesh and bodies == scene.body:
-        raise SceneError(f"scene {scene.name!r} has no mesh that could be another")
+        raise SceneError(f"scene {scene.name!r} has no mesh that could be changed")
     mesh = change(scene.mesh) if scene.mesh else None
     return replace(assumed, scene=replace(scene, mesh=mesh, body=bodies))

@@ -107,8 +107,8 @@ def telling_poses(
     poses, states = _safe(scene, rest, _spread(low, high, MORE * count), progress)
     if len(poses) < count:
         raise DataError(
-            f"only {len(poses)} of {MORE * count} poses of scene {scene.name!r} are the same whichever way one comes; "
-            f"ask for fewer: --poses {max(len(poses), FEWEST)}"
+            f"only {len(poses)} of {MORE * count} poses of scene {scene.name!r} are the same from "
+            f"wherever the robot comes; request fewer: --poses {max(len(poses), FEWEST)}"
         )
     wanted = parameters(scene, look.names, align=look.align)
     data = Measured(None, poses, None, look.channels, np.zeros((len(poses), len(look.channels))))
@@ -137,8 +137,9 @@ def allowed(
     if not (low < high).all():
         i = int(np.argmin(high - low))
         raise DataError(
-            f"servo_{i} may be sent {lower[i]:g} to {upper[i]:g} rad and the scene has {servos.angle_min:g} to "
-            f"{servos.angle_max:g} rad: less than {2 * MARGIN:g} rad of it is common"
+            f"servo_{i} may be sent {lower[i]:g} to {upper[i]:g} rad and the scene allows "
+            f"{servos.angle_min:g} to {servos.angle_max:g} rad: the common range is less than "
+            f"{2 * MARGIN:g} rad; change servos.angle_min and servos.angle_max, or calibrate again"
         )
     return low, high
 

@@ -39,12 +39,13 @@ def choose_model(
     found = read_study(path)
     if not any(field.startswith("ik.") for point in found.points for field in point.settings):
         raise SceneError(
-            f"--study: {found.name!r} is no study of inverse kinematics; `tripod study ik` makes one"
+            f"--study: {found.name!r} is not a study of inverse kinematics; make one with `tripod study ik`"
         )
     if found.scene != made.name:
         raise SceneError(
-            f"--accuracy: the study of inverse kinematics is of scene {found.scene!r}, not of {made.name!r}: leave it "
-            "out, and --set mesh_error={} estimates the error where the scene has a clamp"
+            f"--accuracy: the study of inverse kinematics is of scene {found.scene!r}, not of "
+            f"{made.name!r}. Leave --accuracy out; where the scene has a clamp, --set mesh_error={{}} "
+            "estimates the error"
         )
     strange = [f"--goal {goal}"] * (goal is not Goal.POSITION) + [f"--slide {slide:g}"] * (slide != SLIDE)
     return chosen_from(scene, made, _of_scene(found), accuracy, wish, overrides, speed, strange)

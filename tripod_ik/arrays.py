@@ -16,7 +16,7 @@ def frozen(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray:
     try:
         array = np.array(values, np.float64)
     except (TypeError, ValueError):
-        raise IkError(f"{name} is not an array of numbers") from None
+        raise IkError(f"{name} is not an array of numbers; give a list or NumPy array") from None
     if array.shape != shape:
         raise IkError(f"{name} has shape {array.shape}; it must be {shape}")
     if array.size and not abs(array).max() <= LARGEST:  # not so for NaN

@@ -120,7 +120,9 @@ class Atlas:
         joints = joints_of(scene)
         solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0, max_turn=AT_ONCE)
         if joints is None:
-            raise IkError(f"scene {scene.name!r} has no servos: there is nothing to solve for")
+            raise IkError(
+                f"scene {scene.name!r} has no servos, so inverse kinematics has nothing to solve; add [servos]"
+            )
         return cls(StaticModel(replace(scene, solver=solver), slide), joints.low, joints.high, progress)
 
     def distance(self, place: FloatArray) -> float:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_graph import diagnostic_keys as keys
 from tripod_host.arrays import FloatArray
 from tripod_host.priority import stand_back
 from tripod_ik.errors import IkError
@@ -67,7 +68,7 @@ class ExpectedError:
         self._since = 0.0
         self._asked: FloatArray | None = None
         self.found: Expected | None = None
-        self.reason = "not in mode IK yet"
+        self.reason = "the mode is not IK yet"
 
     def look(self, state: LinearState, slide: float, now: float) -> None:
         """Take notice of where the robot is at `now` [s], its servo bodies at `slide` [m]."""
@@ -92,7 +93,7 @@ class ExpectedError:
             apart = float(np.abs(place - state.equilibrium).max())
             if apart > APART:
                 off = f"{1e3 * apart:.2f} mm from the model in use"
-                reason = f"the identified scene rests {off}: another scene, or branch"
+                reason = f"the identified scene rests {off}: it is another scene, or another equilibrium"
             else:
                 found = expected
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
@@ -103,9 +104,9 @@ class ExpectedError:
     def values(self) -> dict[str, str]:
         """Return what there is to tell, by name."""
         told = [self.found.shift, self.found.half] if self.found else None
-        names = (("expected error", 0), ("expected error, half of 90 %", 1))
+        names = (keys.EXPECTED_ERROR, 0), (keys.EXPECTED_ERROR_HALF, 1)
         return {
-            f"{name} [{unit}]": " ".join(f"{v:.3g}" for v in told[i][part])
+            name.replace("[m]", f"[{unit}]"): " ".join(f"{v:.3g}" for v in told[i][part])
             if told
             else f"not told: {self.reason}"
             for name, i in names

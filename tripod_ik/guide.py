@@ -65,7 +65,7 @@ class Guide:
 
     def tell(self, poses: int) -> None:
         """Say how many poses are known while the pathfinder is built."""
-        self.notice = f"looking at all poses of the body: {poses} so far"
+        self.notice = f"exploring the poses of the robot: {poses} so far"
 
     def __call__(
         self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
@@ -76,7 +76,7 @@ class Guide:
         if state is self._asked:
             return self._answer
         self._asked, self._answer = state, None
-        self.notice = "looking for the closest pose"
+        self.notice = "searching for the closest pose"
         self._begin(state, tuple(tasks), trail)
         return None
 
@@ -106,7 +106,10 @@ class Guide:
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
             expected = isinstance(error, SceneError | StepError | IkError)
             reason = str(error) if expected else f"{type(error).__name__}: {error}"
-            self.notice, self._answer = f"{NEAR_WAY}; no model to look farther: {reason}", NOWHERE
+            self.notice, self._answer = (
+                f"{NEAR_WAY}; there is no model with which to search further: {reason}",
+                NOWHERE,
+            )
 
     def close(self, longest: float = 2.0) -> None:
         """Wait for the thread, for `longest` [s]."""

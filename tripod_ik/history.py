@@ -31,4 +31,4 @@ class History(Generic[Said]):
 def check_delay(delay: float, of: str) -> None:
     """Raise IkError for a delay [s] that is longer than is remembered; `of` names it."""
     if not 0 <= delay <= HISTORY / 2:
-        raise IkError(f"{of} is {delay} s; allowed is 0 to {HISTORY / 2} s")
+        raise IkError(f"{of} is {delay} s; allowed: 0 to {HISTORY / 2} s")

@@ -224,7 +224,10 @@ class InverseSolver:
             again = self._descend(tasks, side, end, time_limit)
             count += again.iterations
         self.model.restore(first)
-        reason = found.reason or "the body has two equilibria there, and which it is in depends on its way"
+        reason = (
+            found.reason
+            or "the body has two equilibria there; which one the robot takes depends on how it gets there"
+        )
         return replace(found, reason=reason, iterations=count)
 
     def descend(self, tasks: Sequence[Task], most: int) -> Solution:
@@ -267,11 +270,13 @@ class InverseSolver:
             ):
                 outcome = Outcome.REACHED if result.error <= self._tolerance else Outcome.CLOSEST
             elif self._count >= self._max_iterations or (snaps and _creeps(missing, CREEPING, CREPT)):
-                reason = f"{self._count} iterations, the last step was {step:.2g} rad"
+                reason = f"stopped after {self._count} iterations, the last step was {step:.2g} rad"
                 if snaps:
-                    reason += ", along poses close to a snap; from another start it may get around them"
+                    reason += (
+                        ", along poses close to a snap (a jump to another shape); start from another pose"
+                    )
             elif time.perf_counter() >= end:
-                reason = f"the time limit of {time_limit:g} s ended after {len(missing)} iterations"
+                reason = f"stopped at the time limit of {time_limit:g} s after {len(missing)} iterations"
             else:
                 better = self._advance(problem, result, side)
                 if better:

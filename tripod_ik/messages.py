@@ -15,7 +15,7 @@ from tripod_ik.state import LinearState
 def linear_state(message: Any) -> LinearState:
     """Return the state in a tripod_msgs/Compliance; raise IkError if it cannot be used."""
     if message.header.frame_id != names.WORLD:
-        raise IkError(f"compliance in frame {message.header.frame_id!r}; it must be {names.WORLD!r}")
+        raise IkError(f"compliance in frame {message.header.frame_id!r}; the frame must be {names.WORLD!r}")
     joints = tuple(message.joint_names)
     if not joints or joints != names.servo_names(len(joints)):
         raise IkError(f"compliance of joints {list(joints)}; they must be servo_0, servo_1 and so on")

@@ -128,10 +128,10 @@ class StaticModel:
         for name, angle, arm in zip(servo_names(count), wanted.tolist(), joints.arms, strict=True):
             if not arm.low <= angle <= arm.high:
                 raise IkError(
-                    f"{name} is to begin at {angle:g} rad; allowed is {arm.low:g} to {arm.high:g} rad"
+                    f"{name} would start at {angle:g} rad; allowed: {arm.low:g} to {arm.high:g} rad"
                 )
         if not 0 <= slide <= joints.slide_max:
-            raise IkError(f"slide is {slide:g} m; allowed is 0 to {joints.slide_max:g} m")
+            raise IkError(f"slide is {slide:g} m; allowed: 0 to {joints.slide_max:g} m")
         s = scene.solver
         solver = replace(
             s, tolerance=min(TOLERANCE, s.tolerance), max_iterations=min(ITERATIONS, s.max_iterations)
@@ -230,7 +230,10 @@ class StaticModel:
             part = (end - done) / 2
             if soft or part * far < shortest:
                 self.restore(begin)
-                raise StepError("the equilibria of the body end on the way: it would snap")
+                raise StepError(
+                    "the body has no equilibrium on the way there: it would snap (jump to another shape); take "
+                    "smaller moves"
+                )
         return self.state()
 
     def state(self) -> LinearState:

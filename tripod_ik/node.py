@@ -24,6 +24,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import Compliance, IkStatus, RobotStatus
 
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
@@ -64,7 +65,7 @@ WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
 FEEDBACK_SILENT = 0.5  # [s]: without a measurement for so long the status says so
 LAST_WORD = Duration(seconds=1.0)  # how long the last status waits until all have it
-JOINING = "the simulated servos go to where the robot's are: then the target is followed"
+JOINING = "the simulated servos first go to the robot's angles; then the target is followed"
 THROTTLE = 2.0  # [s]: shortest time between two log lines about the same kind of message
 
 
@@ -245,13 +246,18 @@ class IkNode(Node):
         if np.isfinite(angles).all():
             self._angles, self._angles_at = angles, time.monotonic()
         else:
-            self._reject("joint states", f"{names.ROBOT_JOINT_STATES} lacks an angle of {', '.join(servos)}")
+            self._reject(
+                "joint states", f"{names.ROBOT_JOINT_STATES} lacks an angle of one of {', '.join(servos)}"
+            )
 
     def _on_measured_pose(self, message: Any) -> None:
         p, q = message.pose.position, message.pose.orientation
         try:
             if message.header.frame_id != names.WORLD:
-                raise IkError(f"pose in frame {message.header.frame_id!r}; it must be {names.WORLD!r}")
+                raise IkError(
+                    f"the measured pose is given in frame {message.header.frame_id!r}; it must be given in "
+                    f"{names.WORLD!r}"
+                )
             self._measure(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
         except IkError as error:
             self._reject("measurements", str(error))
@@ -260,7 +266,7 @@ class IkNode(Node):
         q = message.orientation
         try:
             if message.orientation_covariance[0] == -1:  # REP 145: there is no orientation in it
-                raise IkError("the IMU gives no orientation")
+                raise IkError("the IMU sends no orientation; use one that does, or --set feedback=pose")
             self._measure(None, np.array([q.x, q.y, q.z, q.w]))
         except IkError as error:
             self._reject("measurements", str(error))
@@ -347,7 +353,8 @@ class IkNode(Node):
         else:
             self._failures += 1
             self.get_logger().error(
-                f"not solved: {step.result.status}; the last command holds", throttle_duration_sec=THROTTLE
+                f"no solution: {step.result.status}; the robot stays at the last command",
+                throttle_duration_sec=THROTTLE,
             )
         self._publish_step(state, step, duration, mesh_error)
 
@@ -375,13 +382,13 @@ class IkNode(Node):
     def _own_reason(self, now: float) -> str:
         """Return why the own model gives nothing."""
         if self._own.failure:
-            return f"no simulator in the graph, and no own model: {self._own.failure}"
+            return f"no simulator runs, and this node has no model of its own: {self._own.failure}"
         if self._robot_angles(now) is None:
             return (
-                f"no usable {names.COMPLIANCE} yet: is the simulator running? "
-                f"Without it the own model needs {names.ROBOT_JOINT_STATES}: is the driver running?"
+                f"no {names.COMPLIANCE} received yet: is the simulator running? Without one, this node needs "
+                f"{names.ROBOT_JOINT_STATES}: is the driver running?"
             )
-        return "no simulator in the graph: the own model goes to the robot's pose"
+        return "no simulator runs; the model of this node is moving to the pose of the robot"
 
     def _reject(self, kind: str, reason: str) -> None:
         self._rejected[kind] += 1
@@ -409,11 +416,11 @@ class IkNode(Node):
         self._status = status
         message = ""
         if step.activity is Activity.SOLVER_FAILED:
-            message = f"not solved: {result.status}; the last command holds"
+            message = f"no solution: {result.status}; the robot stays at the last command"
         elif self._tracker.target is None:
-            message = "no target yet: the effector is kept where it is"
+            message = "no target yet: the effector stays where it is"
         elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
-            message = "no measurement: the correction stays as it is"
+            message = "no measurement comes in: the correction keeps its last value"
         elif step.waits:
             message = self._guide.notice
         elif step.activity is Activity.CLOSEST:
@@ -451,7 +458,7 @@ class IkNode(Node):
         levels = {Activity.STALE: Level.WARN, Activity.SOLVER_FAILED: Level.ERROR}
         values = {
             **authority_values(self._authority),
-            "state": self._activity.name,
+            keys.STATE: self._activity.name,
             "error [m]": self._status.error,
             "residual [m]": self._status.residual,
             "solve time [s]": self._status.solve_time,
@@ -466,10 +473,10 @@ class IkNode(Node):
             values["correction of tilt [rad]"] = float(np.linalg.norm(correction.tilt))
         if self._observer:
             load = self._observer.load
-            told = {"load [N]": load.force, "load, half of 90 % [N]": load.half}
+            told = {keys.LOAD: load.force, keys.LOAD_HALF: load.half}
             values |= {name: v if math.isfinite(v) else "not told" for name, v in told.items()}
             if any(load.push):
-                values["push along x and y [N]"] = " ".join(f"{v:.3g}" for v in load.push)
+                values[keys.PUSH] = " ".join(f"{v:.3g}" for v in load.push)
         if self._expected:
             values |= self._expected.values()
         if self._own_in_use and self._own.mesh_error and self._own.mesh_error.reason:

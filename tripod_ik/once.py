@@ -100,7 +100,7 @@ def solve_once(
     )  # fmt: skip
     model = StaticModel(scene, slide, begin)
     if joints is None:  # StaticModel has refused it
-        raise StepError("no servos")
+        raise StepError("the scene has no servos; add [servos]")
     _check_near(position, model)
     began = clock.perf_counter()
     motion = _Motion(model, settings, progress)
@@ -195,7 +195,7 @@ class _Motion:
                 outcome = Outcome.REACHED if met else Outcome.CLOSEST
                 break
         else:
-            self.reason = f"{STEPS} commands did not bring it to rest"
+            self.reason = f"the robot did not come to rest within {STEPS} commands"
         if outcome is Outcome.CLOSEST:
             self.reason = why_closest(step.result.active_limits, self.reason)
         return outcome, step
@@ -215,7 +215,7 @@ class _Motion:
                 )
             way = self._finder.way(state, tasks, trail)
         except (SceneError, StepError) as error:
-            self.reason = f"no model to look farther: {error}"
+            self.reason = f"there is no model with which to search further: {error}"
             return NOWHERE
         self.reason = way.reason
         self.path += [state.angles, *way.stops[:-1]]

@@ -54,7 +54,7 @@ class OwnModel:
         try:
             state = self._model.move(angles)
         except (SceneError, StepError) as error:
-            raise IkError(f"own model: {error}") from None
+            raise IkError(f"model of this node: {error}") from None
         if self.mesh_error:
             self.mesh_error.look(self._model.simulation.state)
         return state

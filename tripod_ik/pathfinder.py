@@ -409,7 +409,7 @@ class Pathfinder:
             limit.needs(other.state) for limit in self._row_limits if limits_passed(other.state, [limit])
         ]:
             return f"a pose {closer} needs {' and '.join(needs)}"
-        return f"the way to a pose {closer} passes the limit of the {self._row_limits[0].what}"
+        return f"the path to a pose {closer} exceeds the limit of the {self._row_limits[0].what}"
 
     def _shortened(self, stops: Sequence[Stop], searched: int) -> list[Stop]:
         """Return stops without some of the first and last ones: where the way begins and ends is not on the grid.

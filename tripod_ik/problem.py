@@ -136,7 +136,7 @@ def build_ik(
     """
     n = len(state.joint_names)
     if not tasks:
-        raise IkError("no task: there is nothing to solve for")
+        raise IkError("no task is given, so there is nothing to solve")
     before = state.angles if previous is None else frozen("previous", previous, (n,))
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")

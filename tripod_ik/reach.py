@@ -133,16 +133,22 @@ def reach(
     """
     if len(model.angles) != len(SERVOS):
         raise IkError(
-            f"the scene has {len(model.angles)} servos; the table of what is reached has {len(SERVOS)}"
+            f"the scene has {len(model.angles)} servos; the workspace can be computed for {len(SERVOS)} "
+            "servos only"
         )
     if not (low < high and count >= 2):
-        raise IkError(f"angles from {low:g} to {high:g} rad in {count} steps are no grid")
+        raise IkError(
+            f"angles from {low:g} to {high:g} rad in {count} steps are not a grid; give a lower and a "
+            "higher angle and at least 2 steps"
+        )
     if not torque_max > 0:
         raise IkError(f"torque limit is {torque_max:g} N m; it must be positive")
     axis = np.linspace(low, high, count)
     begin = tuple(int(np.argmin(np.abs(axis - angle))) for angle in model.angles)
     if (model.angles < low - 1e-9).any() or (model.angles > high + 1e-9).any():
-        raise IkError(f"the start {model.angles.round(4).tolist()} rad is not within {low:g} to {high:g} rad")
+        raise IkError(
+            f"the start angles {model.angles.round(4).tolist()} rad must be between {low:g} and {high:g} rad"
+        )
     task = [PositionTask(np.zeros(3))]
     sign = branch(model.state(), task)
     known = {begin: (model.save(), model.state())}
@@ -182,7 +188,7 @@ def default_range(model: StaticModel) -> tuple[float, float]:
     """Return the angles [rad] between which the strips are stretched, within the limits of the scene."""
     joints = model.simulation.joints
     if joints is None:
-        raise IkError("the scene has no servos")
+        raise IkError("the scene has no servos, so it has no workspace; add [servos]")
     return float(joints.low.max()), min(float(joints.high.min()), WORKING_ANGLE + 0.9)
 
 

@@ -226,7 +226,7 @@ def load_observer(values: Mapping[str, Any]) -> "LoadObserver | None":
         return None
     if values["feedback"] == "none":
         raise IkError(
-            "parameter 'observe_load' needs what is measured: set feedback:=pose or feedback:=imu, too"
+            "parameter 'observe_load' needs a measurement: add --set feedback=pose or --set feedback=imu"
         )
     from tripod_ik.load import LoadObserver  # noqa: PLC0415 - an effect that is absent
 

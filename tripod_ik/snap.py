@@ -79,7 +79,10 @@ class SnapLimit(RowLimit):
 
     def needs(self, state: LinearState) -> str:
         """Return the firmness."""
-        return f"a firmness of {state.firmness:.2g} (limit {self.least:g})"
+        return (
+            f"a lowest stiffness of {state.firmness:.2g} of that of the undeformed body (limit "
+            f"{self.least:g})"
+        )
 
     def rows(self, state: LinearState) -> LimitRows:
         """Return 2 ρ dρ/dα δ ≥ share (least² - ρ²); a row of zeros where the slope is not known."""

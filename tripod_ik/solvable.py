@@ -6,6 +6,11 @@ from tripod_sim.scene_short import effector_of, joints_of
 
 def nothing_to_solve(scene: Scene) -> str:
     """Return why there can be no model of a scene; empty where there can."""
-    if joints_of(scene) and effector_of(scene):
+    there = {"servos": joints_of(scene), "effector": effector_of(scene)}
+    missing = [name for name, found in there.items() if not found]
+    if not missing:
         return ""
-    return f"scene {scene.name!r} has no servos or no effector: there is nothing to solve for"
+    return (
+        f"scene {scene.name!r} has {' and '.join(f'no {name}' for name in missing)}, which inverse kinematics needs; "
+        f"add {' and '.join(f'[{name}]' for name in missing)} to the scene"
+    )

@@ -154,9 +154,11 @@ class IkSolver:
             KeyboardInterrupt: Ctrl-C came meanwhile, unless the process handles it otherwise.
         """
         if len(problem.q) != self._size:
-            raise IkError(f"problem with {len(problem.q)} unknowns for a solver of {self._size}")
+            raise IkError(f"the problem has {len(problem.q)} unknowns, the solver was made for {self._size}")
         if not is_sane(problem):
-            return _held(problem, 0, "problem not finite or bounds crossed")
+            return _held(
+                problem, 0, "the problem has a number that is not finite, or a lower bound above an upper one"
+            )
         last, self._last = self._last, None
         if self._reuse and last:
             x, y, kkt = polish(problem, *last, CHANGES, problem.push)
@@ -177,7 +179,8 @@ class IkSolver:
         if not kkt <= KKT_TOLERANCE:
             if status == "solved":
                 status = (
-                    f"no solution to {KKT_TOLERANCE:g} rad: the optimality conditions are missed by {kkt:.2g}"
+                    f"no solution to {KKT_TOLERANCE:g} rad was found: the optimality conditions are violated by "
+                    f"{kkt:.2g}"
                 )
             return _held(problem, iterations, status, kkt)
         self._last = x, y

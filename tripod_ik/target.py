@@ -53,7 +53,7 @@ class TargetBox:
             IkError: the target is refused.
         """
         if frame != WORLD:
-            raise IkError(f"target in frame {frame!r}; it must be {WORLD!r}")
+            raise IkError(f"the target is given in frame {frame!r}; it must be given in {WORLD!r}")
         target = frozen("target position", position, (3,))
         turned = frozen("target orientation", orientation, (4,))
         length = float(np.linalg.norm(turned))
@@ -72,7 +72,7 @@ class TargetBox:
             fits = partial(_between, low, high)
             if not fits(value):
                 more = hint(value, "m", fits)
-                raise IkError(f"target {axis} is {value:g} m; allowed is {low:.4g} to {high:.4g} m{more}")
+                raise IkError(f"target {axis} is {value:g} m; allowed: {low:.4g} to {high:.4g} m{more}")
 
 
 def _between(low: float, high: float, value: float) -> bool:

@@ -77,7 +77,9 @@ class PositionTask:
         object.__setattr__(self, "target", frozen("target", self.target, (3,)))
         object.__setattr__(self, "weights", frozen("weights", self.weights, (3,)))
         if self.weights.min() < 0 or self.weights.max() == 0:
-            raise IkError(f"weights {self.weights.tolist()}: not negative, at least one positive")
+            raise IkError(
+                f"weights {self.weights.tolist()}: none may be negative, and at least one must be positive"
+            )
         _check_curvature(self.curvature, "m/rad²")
 
     def rows(self, state: LinearState) -> TaskRows:
@@ -118,7 +120,7 @@ class TiltTask:
         normal = frozen("normal", self.normal, (3,))
         length = float(np.linalg.norm(normal))
         if not length > 1e-9:
-            raise IkError(f"normal {normal.tolist()} has no direction")
+            raise IkError(f"normal {normal.tolist()} has length 0; give a direction")
         object.__setattr__(self, "normal", frozen("normal", normal / length, (3,)))
         if not 0 < self.lever < np.inf:
             raise IkError(f"lever is {self.lever} m; it must be positive and finite")

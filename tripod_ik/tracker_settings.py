@@ -71,7 +71,7 @@ class TrackerSettings:
         if not self.tolerance > 0:
             raise IkError(f"tolerance is {self.tolerance} m; it must be positive")
         if not 0 <= self.lead <= 0.5:
-            raise IkError(f"lead is {self.lead} s; allowed is 0 to 0.5 s")
+            raise IkError(f"lead is {self.lead} s; allowed: 0 to 0.5 s")
         try:
             object.__setattr__(self, "goal", Goal(self.goal))
         except ValueError:

@@ -31,12 +31,13 @@ class Way:
     reason: str = ""
 
 
-NEAR_WAY = "closest pose near the way here"
+NEAR_WAY = "closest pose near the path taken"
 """What there is to say where no way to a better one is known."""
 
 NOWHERE = Way(
     np.empty((0, 0)), np.inf, (), np.empty(0),
-    f"{NEAR_WAY}; the robot does not rest as its model does: go to the working pose, or give the robot's scene",
+    f"{NEAR_WAY}; the robot is not where its model expects it: go to the working pose, or give "
+"the scene of this robot",
 )  # fmt: skip
 """No way is known."""
 
@@ -46,8 +47,12 @@ def why_closest(limits: Sequence[str], reason: str) -> str:
     if reason:
         return reason
     if SNAP in limits:
-        return "beyond this pose the body would snap to another shape"
-    return f"kept off by {', '.join(limits)}" if limits else "no step from here comes closer"
+        return "closest pose: beyond it the body would snap to another shape"
+    return (
+        f"closest pose: limited by {', '.join(limits)}"
+        if limits
+        else "closest pose: no small step comes closer"
+    )
 
 
 class Ask(Protocol):

@@ -60,7 +60,7 @@ class ControlSettings:
                 raise PlayError(f"control {name} is {getattr(self, name)}; it must be above 0")
         if not 0 <= self.corner_speed <= self.speed:
             raise PlayError(
-                f"control corner_speed is {self.corner_speed} m/s; allowed is 0 to speed, {self.speed} m/s"
+                f"control corner_speed is {self.corner_speed} m/s; allowed: 0 to speed, {self.speed} m/s"
             )
 
 

@@ -13,11 +13,12 @@ from tripod_host.arrays import FloatArray
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
+from tripod_ik.solvable import nothing_to_solve
 from tripod_ik.tasks import PositionTask, Task, orientation_tasks
 from tripod_play.errors import PlayError
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.scene_short import joints_of
 
 FINEST = 0.02
 """Largest change of the tilt between two solved points [rad]; longer stretches are divided."""
@@ -82,9 +83,9 @@ def servo_path(
         PlayError: the scene has no servos, or inverse kinematics fails at a key point.
         SceneError, StepError: the model cannot be built.
     """
-    servos = joints_of(scene)
-    if not servos or not effector_of(scene):
-        raise PlayError(f"scene {scene.name!r} has no servos or no effector: nothing follows a path")
+    servos, why = joints_of(scene), nothing_to_solve(scene)
+    if servos is None or why:
+        raise PlayError(why)
     if not 0 < speed < np.inf:
         raise PlayError(f"the speed of the servos is {speed} rad/s; it must be above 0")
     start = servos.start[:-1]
@@ -98,12 +99,16 @@ def servo_path(
     for i, (time, value) in enumerate(zip(times.tolist(), values, strict=True)):
         solution = solver.solve(_tasks(points.kind, value, height))
         if solution.outcome in (Outcome.FAILED, Outcome.UNFINISHED):
-            raise PlayError(f"at {time:g} s inverse kinematics has no solution: {solution.reason}")
+            raise PlayError(f"inverse kinematics found no solution at {time:g} s: {solution.reason}")
         if solution.outcome is Outcome.CLOSEST:
             far = max(far, solution.residual)
             begin = limits.pop().begin if i and limits and limits[-1].end == times[i - 1] else time
             limits.append(
-                Limit(begin, time, f"out of reach by up to {1e3 * far:.3g} mm; the closest poses are taken")
+                Limit(
+                    begin,
+                    time,
+                    f"the path is out of reach by up to {1000.0 * far:.3g} mm; the closest poses are used",
+                )
             )
         else:
             far = 0.0

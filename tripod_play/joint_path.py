@@ -54,10 +54,13 @@ class JointPath:
         """Raise PlayError unless all from `start` [s] on is within the driver's range [rad] and slew rates [rad/s]."""
         if len(lower) != self.servos:
             raise PlayError(
-                f"the motion is of {self.servos} servos, the driver has {len(lower)}: nothing moves"
+                f"the motion is of {self.servos} servos, the driver has {len(lower)}; nothing moves: record "
+                "it with this robot"
             )
         if not start < self.end:
-            raise PlayError(f"--start is {start:g} s; the motion ends at {self.end:.2f} s")
+            raise PlayError(
+                f"--start is {start:g} s; the motion ends at {self.end:.2f} s: give an earlier time"
+            )
         kept = self.times >= start
         names = servo_names(self.servos)
         for i, name in enumerate(names):
@@ -66,8 +69,8 @@ class JointPath:
             if outside.any():
                 k = int(outside.argmax())
                 raise PlayError(
-                    f"{name} is at {angles[k]:.3f} rad at {self.times[kept][k]:.2f} s; the driver's range is "
-                    f"{lower[i]:.3f} to {upper[i]:.3f} rad: nothing moves"
+                    f"{name} would be at {angles[k]:.3f} rad at {self.times[kept][k]:.2f} s; the driver allows "
+                    f"{lower[i]:.3f} to {upper[i]:.3f} rad, so nothing moves: calibrate, or play a smaller motion"
                 )
         grid = np.arange(start, self.end + WINDOW, WINDOW)
         for i, name in enumerate(names):

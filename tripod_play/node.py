@@ -1,6 +1,6 @@
 """Path and solver in the graph: they ask for tilts by `target_pose`, which inverse kinematics follows in mode IK.
 
-Start inverse kinematics with `goal:=orientation` (for a path of positions with `goal:=position`).
+Start inverse kinematics with `--set goal=orientation` (for a path of positions with `--set goal=position`).
 """
 
 import time
@@ -50,13 +50,18 @@ LEVELLING = 0.8
 
 
 class PlayNode(Node):
-    """What both have in common: the mode, the effector's pose at rest, targets."""
+    """What both have in common: the mode, the effector's pose at rest, targets.
+
+    Attributes:
+        done: How it ended; empty while it goes on.
+        succeeded: Whether it ended as wanted.
+    """
 
     def __init__(self, name: str, goals: tuple[str, ...]) -> None:
         """`goals`: those of inverse kinematics, one of which it must have, or nothing would move."""
         super().__init__(name)
         declare(self, ())
-        self.done = ""
+        self.done, self.succeeded = "", False
         self._mandate = Mandate(new_source(name, self.get_namespace()))
         self._motion = MotionClock(self)
         self._position: FloatArray | None = None
@@ -112,8 +117,8 @@ class PlayNode(Node):
         self._followed = message.data in self._goals
         if not self._followed and not self.done:
             self.done = (
-                f"inverse kinematics has the goal {message.data[:20]!r}, which does not follow this: start it with "
-                f"goal:={self._goals[0]} (`tripod up ik.goal:={self._goals[0]}`)"
+                f"inverse kinematics has the goal {message.data[:20]!r}, which cannot follow this path: start "
+                f"it with --set goal={self._goals[0]} (`tripod up --set ik.goal={self._goals[0]}`)"
             )
         self._begin()
 
@@ -172,9 +177,9 @@ class PathNode(PlayNode):
             self._send(value, np.zeros(2))
         if passed > self._path.times[-1]:
             off, unit = (np.degrees(self._off), "degrees") if self._tilts else (1e3 * self._off, "mm")
-            self.done = f"path played in {passed:.2f} s"
+            self.done, self.succeeded = f"path played in {passed:.2f} s", True
             if off >= 0.05:  # one digit is shown
-                self.done += f"; targets were out of reach, by up to {off:.1f} {unit}"
+                self.done += f"; some targets were out of reach, by up to {off:.1f} {unit}"
 
 
 class SolveNode(PlayNode):
@@ -183,7 +188,7 @@ class SolveNode(PlayNode):
     def __init__(self, board: Board, offset: float, settings: PlayerSettings, delay: float) -> None:
         """`offset`: height of the floor above the effector [m]; `delay`: age of a ball pose when it comes [s]."""
         if board.grid is None:
-            raise PlayError("a maze that is a surface has no cells to plan a way in")
+            raise PlayError("a maze given as a surface has no cells in which to plan; take one drawn as text")
         late = max(1, round(delay / PERIOD))
         observer = replace(settings.observer, period=PERIOD, delay=late * PERIOD)
         self._player = Player(board.grid, board.pitch, replace(settings, observer=observer))
@@ -213,8 +218,8 @@ class SolveNode(PlayNode):
     def _play(self, rest: FloatArray, begun: float) -> None:
         if self._off > SLANT:
             self.get_logger().warning(
-                f"the plate is {np.degrees(self._off):.1f} degrees from what is asked for, as close as the robot "
-                "comes: is it in its working pose (`tripod teleop`, key a)?",
+                f"the plate is {np.degrees(self._off):.1f} degrees from the requested tilt, the closest that "
+                "the robot can reach: is it in its working pose (`tripod teleop`, key a)?",
                 throttle_duration_sec=10.0,
             )
             self._off = 0.0
@@ -224,7 +229,9 @@ class SolveNode(PlayNode):
             self._send(rest, np.zeros(2))
             if late:
                 self.get_logger().warning(
-                    "no ball is seen; the plate is held level", throttle_duration_sec=2.0
+                    "no ball is seen, so the plate is held level; check the camera or simulator that sends its "
+                    "position",
+                    throttle_duration_sec=2.0,
                 )
             return
         local = self._seen[-1][1]
@@ -232,7 +239,7 @@ class SolveNode(PlayNode):
         x, y, radius = self._board.goal
         half = self._board.obstacles.extent
         if np.hypot(local[0] - x, local[1] - y) < radius:
-            self.done = "goal reached"
+            self.done, self.succeeded = "goal reached", True
         elif local[2] < 0 or not (half[:2] < local[:2]).all() or not (local[:2] < half[2:4]).all():
             self.done = "ball lost"
         else:

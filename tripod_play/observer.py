@@ -43,7 +43,7 @@ class ObserverSettings:
             if not 0 < getattr(self, name) < np.inf:
                 raise PlayError(f"observer {name} is {getattr(self, name)}; it must be above 0")
         if not 0 <= self.delay <= 1.0:
-            raise PlayError(f"observer delay is {self.delay} s; allowed is 0 to 1 s")
+            raise PlayError(f"observer delay is {self.delay} s; allowed: 0 to 1 s")
 
 
 class Observer:

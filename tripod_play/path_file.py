@@ -124,7 +124,7 @@ COLUMNS = {
 
 def _key_points(rows: list[tuple[str, Mapping[str, object]]], name: str) -> KeyPoints:
     if not 0 < len(rows) <= MOST_POINTS:
-        raise PlayError(f"{name} has {len(rows)} key points; allowed is 1 to {MOST_POINTS}")
+        raise PlayError(f"{name} has {len(rows)} key points; allowed: 1 to {MOST_POINTS}")
     given = list(rows[0][1])
     plain = [column.removesuffix("_deg").removesuffix("_mm") for column in given]
     match = next((c for c in COLUMNS if sorted(["time", *c]) == sorted(plain)), None)
@@ -142,7 +142,7 @@ def _key_points(rows: list[tuple[str, Mapping[str, object]]], name: str) -> KeyP
     for i in range(len(times)):
         if times[i] < 0 or (i and times[i] <= times[i - 1]):
             before = f"after {times[i - 1]:g} s" if i else "it must not be negative"
-            raise PlayError(f"{rows[i][0]}: time {times[i]:g} s {before}; times must rise")
+            raise PlayError(f"{rows[i][0]}: time {times[i]:g} s {before}; times must increase")
     if match == ("tilt_x", "tilt_z"):
         values = values * np.array([1.0, -1.0])
     limit = TILT_MAX if COLUMNS[match] is Kind.TILT else REACH
@@ -151,7 +151,7 @@ def _key_points(rows: list[tuple[str, Mapping[str, object]]], name: str) -> KeyP
         i, j = beyond[0].tolist()
         unit = "rad" if COLUMNS[match] is Kind.TILT else "m"
         raise PlayError(
-            f"{rows[i][0]}: {match[j]} is {abs(values[i, j]):g} {unit} in size; allowed is up to {limit:g} {unit}"
+            f"{rows[i][0]}: {match[j]} is {abs(values[i, j]):g} {unit} in size; allowed: up to {limit:g} {unit}"
         )
     return KeyPoints(COLUMNS[match], times, values)
 
@@ -162,7 +162,7 @@ def _unit(column: str, kind: Kind, name: str) -> float:
     if column.endswith("_mm") and kind is Kind.POSITION and column != "time_mm":
         return 1e-3
     if column.endswith(("_deg", "_mm")):
-        raise PlayError(f"{name}: column {column} has a unit that does not fit a path of kind {kind}")
+        raise PlayError(f"{name}: column {column} has a unit that does not fit a path of {kind}")
     return 1.0
 
 

@@ -176,7 +176,7 @@ class ReplayNode(Node):
             self._has_driver, self._here = True, None
             if self._ramp is not None and not self.done:
                 self._end(
-                    "a driver has joined, and the motion was checked for the simulator alone: play it again"
+                    "a driver joined after the motion was checked for the simulator only: play it again"
                 )
         able, follows = m.state in MOVING, m.state == RobotStatus.ACTIVE
         why = f"the driver cannot move: {m.message or ('it holds' if able else 'no robot is connected')}"
@@ -235,14 +235,14 @@ class ReplayNode(Node):
         follower = self._follower
         if follower is None or not follower.lower or self._commands.get_subscription_count() == 0:
             if now - self._since > PATIENCE:
-                self._end(f"no driver and no simulator is heard in this graph: {NO_DRIVER}")
+                self._end(f"no driver and no simulator is running here: {NO_DRIVER}")
             return
         if not follower.able:
             self._end(follower.message)
             return
         tracker = self._mandate.tracker
         if tracker.mode is Mode.REPLAY and not tracker.lost:
-            self._end(f"{name_of(tracker.source)} replays already: stop it first")
+            self._end(f"{name_of(tracker.source)} is already playing: stop it first")
             return
         try:
             self._path.check(
@@ -273,7 +273,8 @@ class ReplayNode(Node):
             self._transport, self._played_at = Transport(self._start, self._rate, now), now
         elif now > self._arrival + PATIENCE + 2 * (self._arrival - began):
             self._end(
-                f"the servos do not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:servos])} rad"
+                f"the servos did not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:servos])} "
+                "rad; check that the driver is active and nothing blocks them"
             )
 
     def _play(self, transport: Transport, now: float) -> None:

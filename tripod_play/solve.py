@@ -35,7 +35,7 @@ class Eye:
         ranges = {"period": (1e-3, 1.0), "delay": (0.0, 1.0), "noise": (0.0, 0.1), "dropout": (0.0, 0.99)}
         for name, (low, high) in ranges.items():
             if not low <= getattr(self, name) <= high:
-                raise PlayError(f"eye {name} is {getattr(self, name)}; allowed is {low:g} to {high:g}")
+                raise PlayError(f"eye {name} is {getattr(self, name)}; allowed: {low:g} to {high:g}")
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,13 @@ def solve(
         or game.plate.board.grid is None
         or not (servos and scene.maze and scene.ball)
     ):
-        raise PlayError(f"scene {scene.name!r} has no maze of cells with a ball in it, on servos")
+        raise PlayError(
+            f"scene {scene.name!r} has no maze of cells with a ball, on a robot with servos; take one "
+            "such as maze"
+        )
     dt, every, late = scene.dt, round(eye.period / scene.dt), int(np.ceil(eye.delay / eye.period - 1e-9))
     if abs(every * dt - eye.period) > 1e-9 or not every:
-        raise PlayError(f"the period {eye.period} s is no multiple of the scene's dt {dt} s")
+        raise PlayError(f"the period {eye.period} s is not a multiple of the dt of the scene, {dt} s")
     if not 0 <= limit < np.inf:
         raise PlayError(f"limit is {limit:g} s; it must be finite and not negative")
     simulation.reset()

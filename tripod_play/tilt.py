@@ -78,4 +78,4 @@ def _jacobian(w: FloatArray) -> FloatArray:
             return np.asarray(rows)
     except np.linalg.LinAlgError:
         pass
-    raise PlayError("the servos cannot tilt the effector in this pose; play in the working pose")
+    raise PlayError("the servos cannot tilt the effector in this pose; go to the working pose first")

@@ -184,5 +184,5 @@ def _copy(old: int, new: int, size: int) -> None:
     while at < size:
         part = os.sendfile(new, old, at, size - at)
         if not part:
-            raise OSError("the file that is copied became shorter")
+            raise OSError("the file became shorter while it was copied; another program changes it")
         at += part

@@ -99,7 +99,7 @@ class Bag:
         first, *others = [line for line, told in self.unread.items() if not told] or [""]
         self.unread = dict.fromkeys(self.unread, True)
         more = f" (and {len(others)} more)" if others else ""
-        return f"left out is what cannot be read: {printable(first)}{more}" if first else ""
+        return f"left out, because it cannot be read: {printable(first)}{more}" if first else ""
 
     @contextmanager
     def accounted(self) -> Iterator[None]:
@@ -160,7 +160,8 @@ def recorded_types(channel: Channel) -> Typestore:
     topic, schema = printable(channel.topic), channel.schema
     if channel.encoding != "cdr":
         raise RecordError(
-            f"topic {topic} has messages in {printable(channel.encoding)!r}; ROS 2 writes 'cdr'"
+            f"topic {topic} has messages in the encoding {printable(channel.encoding)!r}; only 'cdr', "
+            "which ROS 2 writes, can be read"
         )
     if schema is NO_SCHEMA:
         raise RecordError(f"topic {topic} was recorded without a message type")
@@ -168,10 +169,11 @@ def recorded_types(channel: Channel) -> Typestore:
         try:
             return store_of(schema.name, schema.definition, schema.encoding)
         except RecordError as error:
-            raise RecordError(f"{error}; it is that of topic {topic}") from None
+            raise RecordError(f"{error} (type of topic {topic})") from None
     if schema.definition:
         raise RecordError(
-            f"topic {topic} has its definition in {printable(schema.encoding)!r}, not as .msg or IDL"
+            f"topic {topic} has its definition as {printable(schema.encoding)!r}; only .msg and IDL can "
+            "be read"
         )
     known = get_typestore(Stores.ROS2_JAZZY)
     if schema.name in known.fielddefs:

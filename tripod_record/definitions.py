@@ -28,7 +28,7 @@ def split_type(name: str) -> tuple[str, str, str]:
     """Return package, kind and name of "package/msg/Name"; raises RecordError for anything else."""
     match = TYPE_NAME.fullmatch(name)
     if match is None:
-        raise RecordError(f"type {name!r} is not of the form package/msg/Name")
+        raise RecordError(f"type {name!r} is not of the form package/msg/Name; correct it")
     return match[1], match[2], match[3]
 
 
@@ -94,9 +94,7 @@ def message_class(name: str) -> Any:
     try:
         return getattr(import_module(f"{package}.{kind}"), short)
     except (ImportError, AttributeError):
-        raise RecordError(
-            f"type {name!r} is not installed; build its package into this environment"
-        ) from None
+        raise RecordError(f"type {name!r} is not installed; build its package in this environment") from None
 
 
 def text_from_fields(fields: dict[str, str]) -> str:

@@ -24,7 +24,7 @@ class Fields:
         """Take `size` bytes."""
         end = self._at + size
         if end > len(self._data):
-            raise RecordError("a record is shorter than its fields")
+            raise RecordError("a record is shorter than its fields say; the file is damaged there")
         part = self._data[self._at : end]
         self._at = end
         return part
@@ -37,7 +37,7 @@ class Fields:
         """Take a text with its length before it; bytes that are not UTF-8 become replacement characters."""
         size = self.number(4)
         if size > limit:
-            raise RecordError(f"a text of {size} bytes, allowed are {limit}")
+            raise RecordError(f"a text has {size} bytes; allowed: at most {limit}; the file is damaged there")
         return str(self.take(size), "utf-8", "replace")
 
     def table(self) -> "Fields":
@@ -49,7 +49,7 @@ class Fields:
         rest = self.rest()
         pair = struct.Struct(f"<{key}{value}")
         if len(rest) % pair.size:
-            raise RecordError("a table does not end with a whole entry")
+            raise RecordError("a table ends within an entry; the file is damaged there")
         return pair.iter_unpack(rest)
 
     @property

@@ -3,7 +3,8 @@
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -160,9 +161,11 @@ def recording_files(path: str | Path) -> list[Path]:
     except OSError as error:
         raise RecordError(f"cannot read {path}: {error.strerror}") from None
     if not files:
-        raise RecordError(f"{path} holds no mcap file")
+        raise RecordError(f"{path} contains no .mcap file; give the directory or file of a recording")
     if len(files) > FILE_LIMIT:
-        raise RecordError(f"{path} holds {len(files)} mcap files, allowed are {FILE_LIMIT}")
+        raise RecordError(
+            f"{path} contains {len(files)} mcap files; allowed: at most {FILE_LIMIT}; give one of the files"
+        )
     return files
 
 
@@ -220,13 +223,21 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
-def info_command(path: Path, *, as_json: bool = False, check: bool = False) -> int:
+def info_command(
+    path: Path,
+    *,
+    as_json: bool = False,
+    check: bool = False,
+    reading: Callable[[], AbstractContextManager[None]] = nullcontext,
+) -> int:
     """Print what is in a recording; return 0, `DAMAGED`, or, with one line on stderr, `UNREADABLE`.
 
-    That the end is missing counts as damage for who asks for a check: a recording goes on, or was killed.
+    That the end is missing counts as damage for who asks for a check: a recording goes on, or was killed. `reading`
+    returns the context in which the recording is read, which may take long.
     """
     try:
-        info = read_info(path, check=check)
+        with reading():
+            info = read_info(path, check=check)
     except (RecordError, OSError) as error:
         print(f"tripod bag info: {printable(str(error))}", file=sys.stderr)
         return UNREADABLE
@@ -275,7 +286,10 @@ def _contradictions(summary: Summary | None, counts: dict[int, int]) -> Iterator
         return
     for number, said in summary.counts.items():
         if (found := counts.get(number, 0)) != said:
-            yield f"{summary.reader.channels[number].topic}: {found} messages, the summary says {said}"
+            yield (
+                f"{summary.reader.channels[number].topic}: {found} messages were found, but the summary of "
+                f"the file says {said}"
+            )
 
 
 def _date(nanoseconds: int) -> str:

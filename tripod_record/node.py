@@ -25,7 +25,9 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
+from tripod_graph.diagnostic_keys import Recording
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
 from tripod_graph.parameters import declare
@@ -187,7 +189,10 @@ class RecordNode(Node):
                 self._look_at(self._recorder, name, types)
                 self._seen[name] = seen
         if self._looks == FOUND_BY and (absent := self._absent):
-            self.get_logger().warning(f"so far nobody publishes {', '.join(absent)}")
+            self.get_logger().warning(
+                f"nothing is published yet on {', '.join(absent)}; check the names with `ros2 topic list`, or "
+                "start what publishes them"
+            )
 
     def _tell(self, now: Progress) -> bool:
         """Say on the screen what went wrong with the file and what was mended; return whether there was news."""
@@ -202,7 +207,7 @@ class RecordNode(Node):
             if now.error:
                 self.get_logger().error(f"recording: {now.error}")
             else:
-                self.get_logger().warning(f"recording goes on, {now.dropped} messages were dropped")
+                self.get_logger().warning(f"the recording continues; {now.dropped} messages were dropped")
         return True
 
     def _look_at(self, recorder: Recorder, name: str, types: list[str]) -> None:
@@ -210,7 +215,7 @@ class RecordNode(Node):
         if kind == UNKNOWN:
             return
         if others := [t for t in types if t != kind]:
-            self._refuse(name, f"recorded as {kind}, not as {others[0]}")
+            self._refuse(name, f"recorded as {kind}; another node publishes it as {others[0]}")
         publishers = [p for p in self.get_publishers_info_by_topic(name) if p.topic_type == kind]
         if not publishers:
             return
@@ -332,11 +337,12 @@ class RecordNode(Node):
     def _report(self) -> Report:
         progress = self._ended if self._recorder is None else self._recorder.progress
         if progress is None:
-            return Level.OK, "not recording", {}
+            return Level.OK, "not recording", {keys.STATE: Recording.OFF}
         if self._recorder:
             self._tell(progress)  # what the diagnostics say is on the screen as well, however short it lasts
         values = {
-            "path": progress.path,
+            keys.STATE: _word(progress.state),
+            keys.PATH: progress.path,
             "messages": progress.messages,
             "topics": len(self._listeners),
             "dropped, disk too slow or full": progress.dropped,
@@ -362,6 +368,11 @@ class RecordNode(Node):
         elif without := sorted({*self._refused, *self._absent}):
             level, text = Level.WARN, f"recording without {', '.join(without)}"
         return level, text
+
+
+def _word(state: State) -> Recording:
+    """Return the state of a recording as diagnostics name it."""
+    return {State.FAILED: Recording.ENDED, State.CLOSED: Recording.OFF}.get(state, Recording.ON)
 
 
 def offered_qos(publisher: TopicEndpointInfo) -> Qos:

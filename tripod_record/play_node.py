@@ -61,13 +61,18 @@ class TopicPlayer(Node):
         self._messages = bag.messages(wanted)
         self._topics = [t for t in bag.topics if wanted(t)]
         if not self._topics:
-            raise RecordError(f"{bag.info.path} has no message on the topics that are asked for")
+            raise RecordError(
+                f"{bag.info.path} has no message on the requested topics; `tripod bag info` lists what it has"
+            )
         self._next: Heard | None = next(self._messages, None)
         self._check_others()
         for topic in self._topics:
             self._offer(topic)
         if not self._played:
-            raise RecordError(f"{bag.info.path} has no topic whose type is installed here as it was recorded")
+            raise RecordError(
+                f"{bag.info.path} has no topic whose message type is installed here in the recorded version; "
+                "source the workspace with which it was recorded"
+            )
         self._skip_to_start()
         self._transport = Transport(start, rate, time.monotonic())
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -104,7 +109,8 @@ class TopicPlayer(Node):
         ):
             topic, who = found
             raise RecordError(
-                f"{who} publishes {printable(topic)} already, and two would mix: stop it, or choose other --topics"
+                f"{who} already publishes {printable(topic)}, and their messages would mix: stop it, or "
+                "choose other --topics"
             )
 
     def _offer(self, topic: str) -> None:
@@ -113,7 +119,10 @@ class TopicPlayer(Node):
             kind = message_class(channel.type)
             convert = conversion(channel.type, recorded_types(channel))
             if convert is None:
-                raise RecordError(f"its type {printable(channel.type)} had other fields when it was recorded")
+                raise RecordError(
+                    f"the fields of its type {printable(channel.type)} were others when it was recorded; install "
+                    "the version of that time"
+                )
         except RecordError as error:
             self.get_logger().warning(f"{printable(topic)} is not played: {error}")
             return

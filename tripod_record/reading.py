@@ -34,7 +34,8 @@ DEFINITION_LIMIT = 2**20
 CHANNEL_LIMIT = 10_000
 """Most channels that are believed."""
 NOT_CLOSED = (
-    "not closed: still being recorded, or its recorder was killed or had no room; the rest is not in the file"
+    "the recording was not closed: it is still running, or its recorder was killed or had no "
+    "disk space; the end is missing"
 )
 
 _RECORD = struct.Struct("<BQ")
@@ -139,7 +140,7 @@ class Reader:
                 if begin is None:
                     self._end_early(file, at, size, opcode, length)
                     return
-                self._note(f"byte {at}: no record; {begin - at} bytes are passed over")
+                self._note(f"byte {at}: not a record; {begin - at} bytes are skipped")
                 at = file.seek(begin)
                 continue
             data = file.read(length)
@@ -161,10 +162,11 @@ class Reader:
         """Note that nothing from byte `at` on can be read, where a record of such kind and length would begin."""
         if length > RECORD_LIMIT:
             self._note(
-                f"byte {at}: a record of {length} bytes, allowed are {RECORD_LIMIT}; the rest is not read"
+                f"byte {at}: a record has {length} bytes, more than the allowed {RECORD_LIMIT}; the rest is "
+                "not read"
             )
         elif length > size - at - _RECORD.size:
-            ends = f"the file ends at byte {size} within a record of {length} bytes that begins at {at}"
+            ends = f"the file ends at byte {size}, within a record of {length} bytes that begins at byte {at}"
             self.truncated = NOT_CLOSED if file.seek(0, io.SEEK_END) > size else ends
         else:  # what a file system leaves of blocks that were never written
             self.truncated = f"the file ends in zeros from byte {at} on"
@@ -179,7 +181,8 @@ class Reader:
             self._unpacked_left -= len(records)
             if self._unpacked_left < 0:
                 raise ExcessError(
-                    f"chunks unpack to more than {UNPACKED_RATIO} times the file; the rest is not read"
+                    f"the data unpack to more than {UNPACKED_RATIO} times the size of the file, which no recorder "
+                    "writes; the rest is not read"
                 )
             yield from self._chunk(records)
         elif opcode == Opcode.CHANNEL:
@@ -218,7 +221,7 @@ class Reader:
             raise RecordError("a message is too short")
         channel, _, log_time, publish_time = _MESSAGE.unpack_from(data)
         if channel not in self.channels:
-            raise RecordError(f"a message of channel {channel}, which is not described before it")
+            raise RecordError(f"a message belongs to channel {channel}, which is not described before it")
         return Message(channel, log_time, publish_time, memoryview(data)[_MESSAGE.size :])
 
     def _schema(self, fields: Fields) -> None:
@@ -269,8 +272,8 @@ def open_mcap(path: Path) -> BinaryIO:
     if begin != MAGIC + bytes([Opcode.HEADER]):
         file.close()
         if not begin:
-            raise RecordError(f"{path} is empty")
-        raise RecordError(f"{path} is not an mcap file")
+            raise RecordError(f"{path} is empty: nothing was recorded in it")
+        raise RecordError(f"{path} is not an mcap file; give the directory or the .mcap file of a recording")
     file.seek(0)
     return file
 
@@ -289,7 +292,7 @@ def chunk_data(data: bytes | memoryview) -> bytes:
     size, checksum, compression = fields.number(8), fields.number(4), fields.text()
     packed = fields.take(fields.number(8))
     if size > RECORD_LIMIT:
-        raise RecordError(f"a chunk of {size} bytes, allowed are {RECORD_LIMIT}")
+        raise RecordError(f"a chunk has {size} bytes, more than the allowed {RECORD_LIMIT}")
     records = unpacked(packed, compression, size)
     if len(records) != size:
         raise RecordError(f"a chunk of {len(records)} bytes instead of {size}")

@@ -210,7 +210,10 @@ class Recorder:
                     spent, left = now, timeout
         if self._thread.is_alive():
             with self._changed:
-                self._state, self._error = State.FAILED, f"{self._writer.path}: the disk does not answer"
+                self._state, self._error = (
+                    State.FAILED,
+                    f"{self._writer.path}: the disk does not respond; check it, or record elsewhere",
+                )
         return self.progress
 
     def _run(self) -> None:
@@ -247,14 +250,16 @@ class Recorder:
             self._keep()
             error = ""
         except OSError as reason:
-            error = f"{self._reason(reason)}; what comes waits in memory"
+            error = f"{self._reason(reason)}; new messages wait in memory"
         with self._changed:
             self._error = error
 
     def _keep(self, *, last: bool = False) -> None:
         self._sync()
         if not last and self._low_space and (left := self._free(self._writer.directory)) < self._low_space:
-            raise OSError(0, f"the disk is full: {left / MEGABYTE:.1f} MB are left")
+            raise OSError(
+                0, f"the disk is full: {left / MEGABYTE:.1f} MB are left; free some space or record elsewhere"
+            )
         with self._changed:
             batch, self._queue = self._queue, deque()
         for item in batch:
@@ -287,11 +292,13 @@ class Recorder:
         try:
             gone = self._writer.rescue(recording_directory(directory.parent, directory.name, datetime.now()))
         except OSError as error:
-            raise OSError(error.errno, f"{reason}, and it cannot go on beside: {error.strerror}") from None
+            raise OSError(
+                error.errno, f"{reason}, and no new file can be made beside it: {error.strerror}"
+            ) from None
         with self._changed:
             self._destroyed += gone
-            what = f"{gone} messages are lost, all others are" if gone else "all of it is"
-            self._rescued = f"{reason}; {what} in {self._writer.path}, where it goes on"
+            what = f"{gone} messages are lost, all others are" if gone else "all messages are"
+            self._rescued = f"{reason}; {what} in {self._writer.path}, where the recording continues"
 
     def _reason(self, error: Exception) -> str:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)

@@ -67,7 +67,7 @@ def command_rows(bag: Bag, heard: Heard) -> FloatArray:
     shape = tuple(dim.size for dim in message.layout.dim)
     rows = np.asarray(message.data, dtype=np.float64)
     if len(shape) != 2 or shape[0] * shape[1] != len(rows) or shape[1] < HEAD:
-        raise RecordError(f"{heard.topic} holds what is no commands of a simulator")
+        raise RecordError(f"{heard.topic} contains messages that are not commands of a simulator")
     return rows.reshape(shape)
 
 

@@ -175,5 +175,5 @@ class _Window:
             self._data = os.pread(self._fd, max(count, min(_WINDOW, self._size - at)), at)
         data = self._data[at - self._begin : at - self._begin + count]
         if len(data) < count:
-            raise OSError("the file became shorter while it was read")
+            raise OSError("the file became shorter while it was read; another program changes it")
         return data

@@ -109,7 +109,9 @@ def table(series: dict[str, Series]) -> dict[str, FloatArray]:
     NaN: no message yet. Raises RecordError if there is nothing.
     """
     if not series:
-        raise RecordError("nothing to write: no numbers on the topics that are asked for")
+        raise RecordError(
+            "nothing to write: the requested topics contain no numbers; `tripod bag info` lists the topics"
+        )
     times = np.unique(np.concatenate([s.times for s in series.values()]))
     columns = {"time": times}
     for topic, one in series.items():

@@ -100,7 +100,8 @@ class BagWriter:
         if known := self._recorded.get(topic.name):
             if known.topic.type != topic.type:
                 raise RecordError(
-                    f"topic {topic.name} is recorded as {known.topic.type}; {topic.type} was offered too"
+                    f"topic {topic.name} is recorded as {known.topic.type}, but is also published as "
+                    f"{topic.type}; only the first is recorded"
                 )
             return
         if (schema := self._schemas.get(topic.type)) is None:

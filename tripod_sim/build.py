@@ -179,7 +179,9 @@ def _check_held(assembly: Assembly, groups: Groups, when: str) -> None:
         check_held(first.solid, groups.rigid, np.flatnonzero(held.any(axis=1)), source)
     blocks = [body.blocks for body in assembly.bodies]
     if free := free_motion([*blocks, *groups.rigid], assembly.nodes, held):
-        raise SceneError(f"{source}: {free}; {when} it must be held against that, too")
+        raise SceneError(
+            f"{source}: {free}; {when} that motion must be held too: add [[fixed]] there, or [inertia]"
+        )
 
 
 def _watched(scene: Scene, sets: NodeSets, system: "System | SpringSystem", parts: Parts) -> Parts:

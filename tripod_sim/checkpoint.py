@@ -60,7 +60,8 @@ def read_checkpoint(data: bytes, simulation: Simulation) -> Checkpoint:
                 if isinstance(own, np.ndarray):
                     if value.shape != own.shape:
                         raise SceneError(
-                            f"a checkpoint of another scene: {name} has shape {value.shape}, here {own.shape}"
+                            f"the checkpoint is of another scene: {name} has shape {value.shape}, here {own.shape}; "
+                            "load the scene with which it was made"
                         )
                     own[:] = value
                 else:
@@ -69,10 +70,13 @@ def read_checkpoint(data: bytes, simulation: Simulation) -> Checkpoint:
     except UNREADABLE as error:
         if isinstance(error, SceneError):
             raise
-        raise SceneError(f"not a checkpoint of this scene: {error}") from None
+        raise SceneError(
+            f"the checkpoint is not of this scene: {error}; load the scene with which it was made"
+        ) from None
     if torques.shape != simulation.torques.shape:
         raise SceneError(
-            f"a checkpoint of another scene: {torques.size} torques, here {simulation.torques.size}"
+            f"the checkpoint is of another scene: it has {torques.size} torques, here "
+            f"{simulation.torques.size}; load the scene with which it was made"
         )
     return Checkpoint(epoch, state, torques)
 

@@ -112,7 +112,8 @@ def compliance(
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
     except np.linalg.LinAlgError:
         raise StepError(
-            f"what presses the body at {state.time:.4g} s makes it unstable; the compliance is not defined"
+            f"the compliance is not defined at {state.time:.4g} s: the contact forces make the pose "
+            "unstable; move the robot to another pose"
         ) from None
     jacobian, stiffness = answer.jacobian[:6], answer.stiffness
     w = np.empty((6 + s, 6 + s))
@@ -120,7 +121,8 @@ def compliance(
         inverse = np.linalg.inv(0.5 * (stiffness + stiffness.T))
     except np.linalg.LinAlgError:
         raise StepError(
-            f"the servos' stiffness is singular at {state.time:.4g} s; the compliance is not defined"
+            f"the compliance is not defined at {state.time:.4g} s: the stiffness of the servos is "
+            "singular; move the robot to another pose"
         ) from None
     w[6:, 6:] = inverse
     w[:6, 6:] = jacobian @ inverse
@@ -155,8 +157,9 @@ def _factored(system: System, state: State, rest: "RestState | None") -> State:
         if rest:
             rest.forget()
     raise StepError(
-        f"the static tangent is singular at {state.time:.4g} s (or indefinite, with solver.linear = 'cholmod'); "
-        "the compliance is not defined"
+        f"the compliance is not defined at {state.time:.4g} s: the stiffness at rest is singular (or "
+        "indefinite, with solver.linear = 'cholmod'); is a part of the body held by nothing, or the "
+        "pose unstable?"
     )
 
 

@@ -44,7 +44,10 @@ def urdf(scene: Scene) -> str:
     """
     joints = joints_of(scene)
     if not joints:
-        raise SceneError(f"scene {scene.name!r} has no servos: there is no robot to describe")
+        raise SceneError(
+            f"scene {scene.name!r} has no servos, so there is no robot to describe; take a scene with "
+            "[servos], such as tripod"
+        )
     robot = ET.Element("robot", name=scene.name)
     _link(robot, BASE)
     slides = [i for i, arm in enumerate(joints.arms) if arm.inward.any()]

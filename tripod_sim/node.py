@@ -153,7 +153,7 @@ class SimNode(Node):
         try:
             simulation = Simulation(scene)
         except StepError as error:
-            raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
+            raise ParameterError(f"scene {scene.name!r} cannot start: {error}") from None
         simulation.rehearse()
         return simulation
 
@@ -302,7 +302,10 @@ class SimNode(Node):
 
     def _follow(self, command: Command) -> str:
         if not self._arms:
-            raise CommandError(f"scene {self._physics.simulation.scene.name!r} has no servos")
+            raise CommandError(
+                f"scene {self._physics.simulation.scene.name!r} has no servos, so commands have no effect; "
+                "take a scene with [servos]"
+            )
         with self._lock:
             self._look(command.now)
             if why := self._authority.admits(command.source, command.now):
@@ -541,8 +544,8 @@ def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None
     for arm in joints.arms:
         if not max(limits.angle_min, arm.low) < min(limits.angle_max, arm.high):
             raise ParameterError(
-                f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad leave nothing of the "
-                f"scene's {arm.low} to {arm.high} rad"
+                f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad allow no angle "
+                f"of the scene, which has {arm.low} to {arm.high} rad: choose limits that overlap"
             )
     limits = replace(limits, slide_max=min(limits.slide_max, joints.slide_max))
     return limits.within(joints.low.tolist(), joints.high.tolist(), [limits.angle_speed] * joints.count)

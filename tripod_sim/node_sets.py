@@ -43,8 +43,8 @@ class NodeSets:
         for i, table in enumerate(tables):
             if not table.name or table.name in self._found:
                 raise SceneError(
-                    f"set.{i}.name is {shown(table.name)}; it must be a name of its own: not 'all', nor that of "
-                    "another set, of a body, or of a group of the mesh"
+                    f"set.{i}.name is {shown(table.name)}; it must differ from 'all' and from the names of other "
+                    "sets, of bodies and of the groups of the mesh"
                 )
             try:
                 self._found[table.name] = self.inside(table, f"set.{i} ({table.name!r})")
@@ -112,7 +112,7 @@ class NodeSets:
             near = difflib.get_close_matches(name, self._found, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             known = ", ".join(sorted(self._found))
-            raise SceneError(f"{field} is {shown(name)}; sets and groups of the mesh: {known}{hint}")
+            raise SceneError(f"{field} is {shown(name)}{hint}; sets and groups of the mesh: {known}")
 
     def held(self, table: Fixed, field: str) -> IndexArray:
         """Return the nodes of a fixed region: of its set, or in its box. Raises SceneError, which names `field`."""
@@ -139,8 +139,8 @@ class NodeSets:
             near = int(np.argmin(far))
             place = ", ".join(f"{c:.4g}" for c in self._nodes[near])
             raise SceneError(
-                f"{where} holds no node; the nearest is node {near} at ({place}) m, {far[near]:.3g} m away; the body "
-                f"reaches from {low} to {high} m"
+                f"{where} holds no node of the body; the nearest is node {near} at ({place}) m, "
+                f"{far[near]:.3g} m away. The body reaches from {low} to {high} m: move or enlarge the place"
             )
         return found
 

@@ -20,7 +20,7 @@ def notices(snapshot: Snapshot) -> str:
 def left_out(snapshot: Snapshot) -> str:
     """Return which rigid bodies the compliance leaves out, empty if it has all."""
     names = ", ".join(f"rigid.{k}" for k in snapshot.left_out)
-    return f"the compliance leaves out {names}: nothing keeps them in place" if names else ""
+    return f"the compliance is without {names}: nothing holds these in place" if names else ""
 
 
 def stalls(snapshot: Snapshot) -> str:

@@ -54,8 +54,8 @@ def _loads(draft: Draft, body: SoftBody) -> Iterator[str]:
     for name, force in forces.items():
         if (strain := force * length / energy) > MOST:
             yield (
-                f"{name} would stretch {_name(body)} to about {1 + strain:.2g} times its length: check it, the "
-                "stiffness, the mass, and that lengths are in metres"
+                f"{name} would stretch {_name(body)} to about {1 + strain:.2g} times its length: check it, "
+                "the stiffness and the mass, and that lengths are in metres"
             )
 
 
@@ -73,8 +73,8 @@ def _speeds(draft: Draft, body: SoftBody, velocities: FloatArray | None) -> Iter
     for name, speed in speeds.items():
         if speed > MOST * waves:
             yield (
-                f"{name} {_name(body)} at {speed:.3g} m/s, faster than strain spreads in it "
-                f"({waves:.2g} m/s): it tears, whatever dt; slow the motion down"
+                f"{name} {_name(body)} at {speed:.3g} m/s, faster than waves travel in it ({waves:.2g} m/s): "
+                "no dt can compute that; slow the motion down"
             )
 
 

@@ -2,15 +2,15 @@
 
 | key | shape | what |
 |---|---|---|
-| `version` | text | of tripod |
+| `version` | text | version of tripod |
 | `scene` | text | the scene with all its values, as TOML |
 | `units` | text | unit of each array, as JSON |
 | `time` | k | at the end of each step [s] |
-| `positions` | k, n, 3 | of the nodes, those of rigid bodies last [m] |
-| `vertices` | k, v, 3 | what shows a body that has no surface of its own (a chain) [m]; else it is not there |
-| `triangles` | t, 3 | of the surface: indices of `vertices`, or else of `positions` |
-| `bodies` | b | how many of these each soft body has (a single 0: there is none), then each rigid one |
-| `energies` | k, 3 | kinetic, strain, of gravity [J] |
+| `positions` | k, n, 3 | nodes; those of rigid bodies last [m] |
+| `vertices` | k, v, 3 | points to draw a body without a surface, such as a chain [m]; absent otherwise |
+| `triangles` | t, 3 | of the surface: indices of `vertices` if present, else of `positions` |
+| `bodies` | b | number of triangles of each soft body (a single 0: none), then of each rigid body |
+| `energies` | k, 3 | kinetic energy, strain energy, gravitational potential [J] |
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
 | `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
@@ -20,7 +20,7 @@
 | `maze_vertices`, `maze_triangles` | v, 3 and t, 3 | of the maze, in the frame of the disc [m]; with a maze |
 | `maze_goal` | 4 | centre of the goal in the frame of the disc, radius [m]; with a maze that has one |
 | `still_vertices`, `still_triangles` | v, 3 and t, 3 | of the obstacles [m]; with any |
-| `event_times`, `event_texts` | e | what happened: when [s], what |
+| `event_times`, `event_texts` | e | events: time [s], text |
 """
 
 import json
@@ -91,14 +91,15 @@ class Recording:
         size = 8.0 * steps * sum(math.prod(shape) for shape in shapes.values())
         if size > MOST_BYTES:
             raise SceneError(
-                f"the run would take {size / 1e9:.1f} GB to keep (at most {MOST_BYTES / 1e9:g}); shorten --duration or "
-                "enlarge dt"
+                f"the results of the run would take {size / 1000000000.0:.1f} GB (allowed: "
+                f"{MOST_BYTES / 1000000000.0:g} GB); shorten --duration or enlarge dt"
             )
         try:
             self._moving = {name: np.empty((steps, *shape)) for name, shape in shapes.items()}
         except MemoryError:
             raise SceneError(
-                f"the run needs {size / 1e9:.1f} GB of memory to be kept; shorten --duration or enlarge dt"
+                f"the results of the run need {size / 1000000000.0:.1f} GB of memory, more than is free; "
+                "shorten --duration or enlarge dt"
             ) from None
         self._still = _still(simulation)
         there = {*shapes, *self._still, "event_times"}
@@ -109,7 +110,10 @@ class Recording:
     def add(self, simulation: Simulation) -> None:
         """Add the present state of `simulation`. Raises SceneError where there is no room for one more."""
         if self.count == len(self._moving["time"]):
-            raise SceneError(f"the recording is full: it was made for {self.count} steps; make it for more")
+            raise SceneError(
+                f"the recording is full after the {self.count} steps that it was made for; make it for more "
+                "steps"
+            )
         a, k, state, energies = self._moving, self.count, simulation.state, simulation.energies()
         a["time"][k] = state.time
         positions = a["positions"][k] = simulation.positions
@@ -155,7 +159,7 @@ def check_out(option: str, path: Path | None, suffixes: tuple[str, ...]) -> None
         return
     if path.suffix.lower() not in suffixes:
         raise SceneError(
-            f"{option} {str(path)!r} must end in {' or '.join(suffixes)}: that is what is written"
+            f"{option} {str(path)!r} must end in {' or '.join(suffixes)}, the format that is written"
         )
     try:
         check_place(path)

@@ -36,13 +36,13 @@ def request_of(text: str) -> Request:
     """Return the request that a message holds: JSON such as {"do": "reset"}, {"effect": "sleep", "on": true},
     {"accuracy": "5%"}. Raises SceneError."""
     if len(text) > LONGEST:
-        raise SceneError(f"sim/request has {len(text)} characters; at most {LONGEST}")
+        raise SceneError(f"sim/request has {len(text)} characters; allowed: at most {LONGEST}")
     try:
         table: Any = json.loads(text)
     except (ValueError, RecursionError):
         raise SceneError(f"sim/request {shown(text)} is not JSON") from None
     if not isinstance(table, dict):
-        raise SceneError(f"sim/request {shown(text)} is not a table")
+        raise SceneError(f"sim/request {shown(text)} is not a JSON object")
     if (effect := table.get("effect")) is not None:
         if effect not in EFFECTS:
             raise SceneError(f"sim/request: effect {shown(effect)} is unknown; effects: {', '.join(EFFECTS)}")

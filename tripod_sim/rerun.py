@@ -147,7 +147,8 @@ class Rerun:
                 or not np.isfinite(item.rows[:, :HEAD]).all()
             ):
                 raise SceneError(
-                    f"commands of shape {item.rows.shape}; scene {self.simulation.scene.name!r} needs {width} columns"
+                    f"the recording has commands of shape {item.rows.shape}; scene {self.simulation.scene.name!r} "
+                    f"needs {width} columns: was it recorded with another scene?"
                 )
             if waiting is not None:
                 yield from waiting
@@ -176,7 +177,10 @@ class Rerun:
         self._last, found = (body.stamp, step), self.outcome
         shown = self.simulation.shown(self.simulation.positions)
         if shown.shape != body.positions.shape:
-            raise SceneError(f"a body of {len(body.positions)} nodes; the scene has {len(shown)}")
+            raise SceneError(
+                f"the recording has a body of {len(body.positions)} nodes; the scene has {len(shown)}: was it "
+                "recorded with another scene?"
+            )
         if shown.tobytes() == body.positions.tobytes():
             found.equal += 1
             return

@@ -14,7 +14,7 @@ from tripod_host import stop
 from tripod_sim.effects import named
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.figures.accuracy import accuracy_figures
+from tripod_sim.figures.accuracy import accuracy_figures, finer
 from tripod_sim.figures.energy import EnergyBooks
 from tripod_sim.figures.errors import LargestErrors
 from tripod_sim.figures.stability import stability
@@ -71,7 +71,8 @@ def run(
         explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
         and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque [N
         m], short [rad]), figures (accuracy in words; error, which the accuracy study measured and which is promised for
-        other motions, None where it is not known; names of the effects; stability, as `tripod_sim.figures` has it),
+        other motions, None where it is not known; quantity, what that is the error of; finer, a smaller error that
+        `--accuracy` serves, or None; names of the effects; stability, as `tripod_sim.figures` has it),
         stalled_time (of each servo [s]), with the scene's `time_error` the largest estimates of the run (effector,
         largest, node, added, ball) [m], NaN and node -1 for what is not estimated, with `mesh_error` that of the
         effector at the end (effector, its length distance), the largest of the run, and the largest of it together with
@@ -80,8 +81,9 @@ def run(
         rounds of the response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m],
         cut, and lowered, by how much the run lowered the coefficient of restitution of a hit at most) and with rigid
         bodies their poses, markers (set, position and moved [m], force [N] and moment about the
-        origin [N m] of what holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the
-        wall time of a step [ms], median and 99th percentile.
+        origin [N m] of what holds or moves them, of a solid), notes on the scene if there are any, displacement
+        (node and largest, how far that node is from the undeformed shape [m]), seconds, the wall time of all steps [s],
+        and step_ms, that of a step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -167,12 +169,16 @@ def run(
         "instability": simulation.report.instability,
         "figures": {
             "accuracy": accuracy.line,
+            "quantity": accuracy.quantity,
+            "finer": finer(accuracy),
             "error": {"measured": accuracy.measured, "bound": accuracy.bound},
             "effects": named(description),
             "stability": asdict(figures),
         },
         "stalled": [asdict(stall) for stall in simulation.report.stalled],
         "stalled_time": [count * description.dt for count in stalled_steps],
+        "seconds": float(np.sum(taken)),
+        "displacement": _displacement(simulation),
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
         **_errors(simulation, errors),
         **({"markers": _markers(simulation)} if description.marker else {}),
@@ -182,6 +188,12 @@ def run(
     }
 
 
+def _displacement(simulation: Simulation) -> dict[str, Any]:
+    """Return the node that is farthest from its place in the undeformed shape, and how far [m]."""
+    moved = np.linalg.norm(simulation.positions - simulation.mesh.nodes, axis=1)
+    return {"node": int(np.argmax(moved)), "largest": float(np.max(moved))}
+
+
 def _steps(scene: Scene, script: Script, duration: float | None) -> int:
     """Return how many steps a run takes. Raises SceneError."""
     if duration is None:
@@ -189,7 +201,8 @@ def _steps(scene: Scene, script: Script, duration: float | None) -> int:
     longest = MOST_STEPS * scene.dt
     if not 0 < duration <= longest:
         raise SceneError(
-            f"the duration is {duration:g} s; it must be positive and at most {longest:g} s, {MOST_STEPS} steps of dt"
+            f"the duration is {duration:g} s; it must be positive and at most {longest:g} s, {MOST_STEPS} "
+            "steps of dt"
         )
     return max(1, round(duration / scene.dt))
 
@@ -234,8 +247,11 @@ def _unstable(times: Sequence[float], steps: int) -> list[str]:
     if not times:
         return []
     return [
-        f"{len(times)} of {steps} steps ended in an unstable equilibrium, first at {times[0]:.4g} s: with inertia the "
-        "body would leave it; if a finer mesh or another element tells of none, it is the mesh that buckles"
+        (
+            f"{len(times)} of {steps} steps ended in an unstable equilibrium, first at {times[0]:.4g} s: "
+            "a real body would leave it (snap or buckle). Run it with [inertia] to see where it goes; if "
+            "a finer mesh or another mesh.element does not report this, the mesh is the cause"
+        )
     ]
 
 
@@ -247,8 +263,10 @@ def _astray(error: float, simulation: Simulation) -> list[str]:
     if error <= size:
         return []
     return [
-        f"the error of the time steps was estimated to be larger than the body ({1e3 * size:.3g} mm): where things are "
-        "by then these steps do not tell, and neither by how much they err; shorter ones may"
+        (
+            f"the estimated error of the time steps exceeded the size of the body ({1000.0 * size:.3g} "
+            "mm), so the positions from then on are not reliable; take a smaller dt"
+        )
     ]
 
 
@@ -257,8 +275,11 @@ def _lowered_restitution(lowered: float) -> list[str]:
     if lowered <= LOWERED:
         return []
     return [
-        f"contact.restitution was lowered by up to {lowered:.2g} for hits that would have gained energy: they bounce "
-        "less than the scene says; set a smaller contact.restitution, a smaller contact.friction or a shorter dt"
+        (
+            f"contact.restitution was lowered by up to {lowered:.2g} at hits that would have gained "
+            "energy, so they bounce less than the scene says; set a smaller contact.restitution or "
+            "contact.friction, or a smaller dt"
+        )
     ]
 
 

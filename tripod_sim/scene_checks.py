@@ -18,21 +18,23 @@ def check_bodies(scene: Described) -> None:
     bodies = soft_bodies(scene)
     if not (bodies or rigids_of(scene)):
         raise SceneError(
-            "field mesh is missing: a scene has mesh and material, or springs, or bodies, or rigid bodies"
+            "field mesh is missing: a scene needs [mesh] and [material], or [springs], [[body]] or [[rigid]]"
         )
     names = [body.name for body in bodies]
     for k, body in enumerate(bodies):
         field = field_of(scene, k)
         if field and (not body.name or body.name == "all" or body.name in names[:k]):
             raise SceneError(
-                f"{field}name is {shown(body.name)}; it must be a name of its own: not 'all', nor that of another body"
+                f"{field}name is {shown(body.name)}; it must differ from 'all' and from the names of the "
+                "other bodies"
             )
         if (like := getattr(body, "like", "")) and (
             like not in names[:k] or not bodies[names.index(like)].mesh
         ):
             solids = ", ".join(shown(other.name) for other in bodies[:k] if other.mesh)
             raise SceneError(
-                f"{field}like is {shown(like)}; it must be the name of a solid before it: {solids or 'none is'}"
+                f"{field}like is {shown(like)}; it must be the name of a solid that comes before: "
+                f"{solids or 'there is none'}"
             )
         if like and (scene.body[k - len(bodies)].mesh or scene.body[k - len(bodies)].material):
             raise SceneError(
@@ -41,17 +43,20 @@ def check_bodies(scene: Described) -> None:
         _check_kind(body, field)
         _check_materials(body, field)
     if scene.region and not scene.mesh:
-        raise SceneError("region needs mesh: it is a part of a solid")
+        raise SceneError(
+            "region needs mesh: a region is a part of a solid; add [mesh] and [material], or leave it out"
+        )
     if scene.tie and len(bodies) < 2:
-        raise SceneError("tie needs two soft bodies: it makes nodes of one those of another")
+        raise SceneError("tie needs two soft bodies, whose nodes it joins; add a [[body]], or leave it out")
     for name in ("servos", "effector"):
         if getattr(scene, name) and bodies and not bodies[0].mesh:
             raise SceneError(
-                f"{name} needs a solid as the first body: springs are held by fixed_nodes, fixed_corners or fixed boxes"
+                f"{name} needs a solid as the first body; hold springs with springs.fixed_nodes, "
+                "springs.fixed_corners or [[fixed]]"
             )
         if getattr(scene, name) and bodies and getattr(bodies[0], name):
             raise SceneError(
-                f"{name} and {field_of(scene, 0)}{name} are both of the first body; leave one out"
+                f"{name} and {field_of(scene, 0)}{name} both belong to the first body; leave one out"
             )
 
 
@@ -63,10 +68,15 @@ def _check_kind(body: Body, field: str) -> None:
     if not (body.mesh or body.springs):
         raise SceneError(f"field {field}mesh is missing: a body has mesh and material, or springs")
     if body.mesh and body.springs:
-        raise SceneError(f"{field}mesh and {field}springs exclude each other: they are two bodies")
+        raise SceneError(
+            f"{field}mesh and {field}springs exclude each other in one body; leave one out or make two "
+            "[[body]]"
+        )
     for name in ("region", "servos", "effector"):
         if getattr(body, name) and not body.mesh:
-            raise SceneError(f"{field}{name} needs {field}mesh: it is of a solid")
+            raise SceneError(
+                f"{field}{name} needs {field}mesh, as only a solid has it; add a mesh or leave it out"
+            )
 
 
 def _check_materials(body: Body, field: str) -> None:
@@ -92,8 +102,8 @@ def check_held(scene: Described) -> None:
     held = servo_tables(scene) or scene.fixed or scene.prescribed or nets
     if not (scene.inertia or held):
         raise SceneError(
-            "nothing holds the body (no servos, nothing fixed), so its translation and rotation are free and it has "
-            "no static equilibrium; add [inertia] or hold it"
+            "nothing holds the body (no servos, nothing fixed), so it can move as a whole and has no "
+            "static equilibrium; add [inertia], or hold it with [[fixed]] or [servos]"
         )
 
 
@@ -103,13 +113,20 @@ def _check_sets(scene: Described) -> None:
         check_box(f"set.{i}", table.low, table.high)
         places = [name for name in ("at", "beyond", "below") if getattr(table, name) is not None]
         if (table.along is None) != (not places):
-            raise SceneError(f"set.{i}: along goes with at, beyond or below, and these with along")
+            raise SceneError(
+                f"set.{i}: along needs at, beyond or below, and each of these needs along; add what is missing"
+            )
         for name in ("axis", "centre"):
             if getattr(table, name) is not None and table.radius is None:
-                raise SceneError(f"set.{i}: {name} goes with radius: the nodes within it of the {name}")
+                raise SceneError(
+                    f"set.{i}: {name} needs radius: the set is the nodes within that distance of the {name}; add "
+                    "radius"
+                )
         for name in ("axis", "along"):
             if (direction := getattr(table, name)) is not None and not any(direction):
-                raise SceneError(f"set.{i}.{name} is {direction}; a direction is not zero")
+                raise SceneError(
+                    f"set.{i}.{name} is {direction}; a direction cannot be zero, give one such as [0, 0, 1]"
+                )
 
 
 def _check_servo(scene: Described) -> None:
@@ -118,11 +135,16 @@ def _check_servo(scene: Described) -> None:
         return
     if not scene.servos or scene.servos.count != len(scene.servo):
         has = f"servos.count is {scene.servos.count}" if scene.servos else "there is no [servos]"
-        raise SceneError(f"there are {len(scene.servo)} [[servo]], but {has}; the two must agree")
+        raise SceneError(
+            f"there are {len(scene.servo)} [[servo]], but {has}; set servos.count to the number of "
+            "[[servo]] tables"
+        )
     for i, servo in enumerate(scene.servo):
         for name in ("axis", "inward"):
             if (direction := getattr(servo, name)) is not None and not any(direction):
-                raise SceneError(f"servo.{i}.{name} is {direction}; a direction is not zero")
+                raise SceneError(
+                    f"servo.{i}.{name} is {direction}; a direction cannot be zero, give one such as [0, 1, 0]"
+                )
 
 
 def _check_platform(scene: Described) -> None:
@@ -132,13 +154,17 @@ def _check_platform(scene: Described) -> None:
     for i, platform in enumerate(scene.platform):
         if not platform.hold:
             raise SceneError(
-                f"platform.{i}.hold is empty; it must name a set for each place at which it holds one"
+                f"platform.{i}.hold is empty; name a set of nodes for each place where the platform holds a "
+                "body"
             )
         if not any(body.mesh for body in soft_bodies(scene)):
-            raise SceneError("platform needs a solid (mesh and material): it holds sets of its nodes")
+            raise SceneError(
+                "platform needs a solid (mesh and material), whose nodes it holds; add one, or leave "
+                "platform out"
+            )
         for name, there in beside.items():
             if there:
-                raise SceneError(f"platform and {name} exclude each other: leave one out")
+                raise SceneError(f"platform and {name} cannot be combined; leave one out")
 
 
 def check_tables(scene: Described) -> None:
@@ -152,4 +178,6 @@ def check_tables(scene: Described) -> None:
         return
     tables = [name for name in ("set", "marker") if getattr(scene, name)]
     for name in (*(name for name, effect in scene.effects.items() if not effect.rigid), *tables):
-        raise SceneError(f"{name} needs a soft body (mesh and material, or springs): rigid bodies have none")
+        raise SceneError(
+            f"{name} needs a soft body: [mesh] and [material], or [springs]; the scene has only rigid bodies"
+        )

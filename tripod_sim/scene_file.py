@@ -14,6 +14,7 @@ from typing import Any, get_args, get_origin
 from tripod_host.reading import read_file
 from tripod_sim.errors import LONGEST, SceneError, shown
 from tripod_sim.scene import OPTIONAL, Scene
+from tripod_sim.scene_lines import field_named, line_of
 from tripod_sim.tables.kinds import WORDS, converted, hints_of
 
 MAX_BYTES = 100_000
@@ -61,9 +62,12 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
         overrides, Iterable
     ):  # of a text each character would be one
         word = overrides if isinstance(overrides, str) else "dt=0.01"
-        raise SceneError(f"overrides is {shown(overrides)}; it must be a list: [{shown(word)}]")
+        raise SceneError(
+            f"overrides is {shown(overrides)}; it must be a list of settings, such as [{shown(word)}]"
+        )
     text, folder = _read(source)
-    return _scene(text, folder, f"scene {str(source)!r}", overrides)
+    file = str(source) if folder else ""
+    return _scene(text, folder, f"scene {str(source)!r}", overrides, file)
 
 
 def scene_from_toml(text: str, overrides: Iterable[str] = ()) -> Scene:
@@ -74,17 +78,48 @@ def scene_from_toml(text: str, overrides: Iterable[str] = ()) -> Scene:
     Raises SceneError as `load_scene` does.
     """
     if not isinstance(text, str):
-        raise SceneError(f"the scene is {shown(text)}; it must be text in TOML")
+        raise SceneError(
+            f"the scene is {shown(text)}; it must be text in TOML; load_scene takes a name or a file"
+        )
     if len(text) > MAX_BYTES:
-        raise SceneError(f"a scene of {len(text)} characters; allowed are {MAX_BYTES}")
+        raise SceneError(f"the scene has {len(text)} characters; allowed: at most {MAX_BYTES}")
     return _scene(text, None, "the scene", overrides)
 
 
-def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str]) -> Scene:
+def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str], file: str = "") -> Scene:
+    """Return the scene of a text; `what` and `file`, if it is one, name it in messages."""
     try:
         table = _parse(text)
     except ValueError as error:
         raise SceneError(f"{what} is not valid TOML: {error}") from None
+    words = list(overrides)
+    _override_all(table, words)
+    lists = [table[key] for key in ("obstacles", "rigid", "body") if isinstance(table.get(key), list)]
+    several = [part for parts in lists for part in parts if isinstance(part, dict)]
+    nested = [part.get(key) for part in (table, *several) for key in ("mesh", "springs")]
+    for part in (*nested, *several):
+        if isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
+            part["source"] = _located(part["source"], folder)
+    try:
+        scene = _build(Scene, table, "")
+    except SceneError as error:
+        raise SceneError(f"{_place(str(error), text, file, words)}{error}") from None
+    assert isinstance(scene, Scene)
+    return scene
+
+
+def _place(message: str, text: str, file: str, overrides: Iterable[str]) -> str:
+    """Return what a message on a field begins with: file and line; empty for a field that an override gives."""
+    field = field_named(message)
+    given = [word.partition("=")[0].strip() for word in overrides]
+    if not file or any(f"{field}.".startswith(f"{path}.") or path.startswith(f"{field}.") for path in given):
+        return ""
+    line = line_of(text, field)
+    return f"{file}, line {line}: " if line else f"{file}: "
+
+
+def _override_all(table: dict[str, Any], overrides: Iterable[str]) -> None:
+    """Apply the overrides to a parsed scene, in place, and write its `dt = "auto"` out."""
     interval = table.get("dt")
     named = interval == AUTO
     for word in overrides:
@@ -93,15 +128,6 @@ def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str]) 
         named |= word.partition("=")[0].strip() in ("inertia", "inertia.scheme")
     if table.get("dt") == AUTO:
         _choose_steps(table, interval, keep_scheme=named)
-    lists = [table[key] for key in ("obstacles", "rigid", "body") if isinstance(table.get(key), list)]
-    several = [part for parts in lists for part in parts if isinstance(part, dict)]
-    nested = [part.get(key) for part in (table, *several) for key in ("mesh", "springs")]
-    for part in (*nested, *several):
-        if isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
-            part["source"] = _located(part["source"], folder)
-    scene = _build(Scene, table, "")
-    assert isinstance(scene, Scene)
-    return scene
 
 
 def scene_text(source: str | Path) -> str:
@@ -127,7 +153,9 @@ def _choose_steps(table: dict[str, Any], interval: Any, *, keep_scheme: bool) ->
         table["dt"] = interval
     wanted = table.setdefault("time_error", {})
     if isinstance(wanted, dict) and wanted.setdefault("steps", AUTO) != AUTO:
-        raise SceneError(f"dt is 'auto', but time_error.steps is {shown(wanted['steps'])}; leave one out")
+        raise SceneError(
+            f"dt is 'auto', but time_error.steps is {shown(wanted['steps'])}; give only one of the two"
+        )
 
 
 def _located(name: str, folder: Path | None) -> str:
@@ -153,7 +181,7 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
         hint = f"; did you mean {near[0]!r}?" if near else ""
         names = ", ".join(scene_names())
         raise SceneError(
-            f"scene {str(source)!r} is unknown; scenes: {names}, or the path of a .toml file{hint}"
+            f"scene {str(source)!r} is unknown{hint}; scenes: {names}; or give the path of a .toml file"
         )
     return (resources.files("tripod_sim") / "scenes" / f"{source}.toml").read_text(), None
 
@@ -161,7 +189,7 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
 def _parse(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text. Raises ValueError, whatever the text."""
     if any(line.count(".") > MOST_DOTS for line in text.splitlines()):
-        raise ValueError(f"a line with more than {MOST_DOTS} dots")
+        raise ValueError(f"a line has more than {MOST_DOTS} dots")
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -178,7 +206,9 @@ def override(table: dict[str, Any], word: str) -> None:
     )
     keys = path.split(".")
     if not equals or not all(keys) or len(path) > LONGEST_PATH:
-        raise SceneError(f"override {shown(word)} is not of the form dotted.path=value")
+        raise SceneError(
+            f"setting {shown(word)} is not of the form table.field=value, such as material.young=300kPa or dt=0.001"
+        )
     node: Any = table
     for depth, key in enumerate(keys[:-1]):
         node = _inside(node, key, ".".join(keys[: depth + 1]), keys[depth + 1])
@@ -192,7 +222,8 @@ def override(table: dict[str, Any], word: str) -> None:
     elif isinstance(node, dict):
         node[last] = value_of(text)
     else:
-        raise SceneError(f"override {shown(word)}: {'.'.join(keys[:-1])} is a value, not a table")
+        above = ".".join(keys[:-1])
+        raise SceneError(f"setting {shown(word)}: {above} is a value and has no fields; set {above} itself")
 
 
 def _is_word(keys: list[str], word: str) -> bool:
@@ -220,14 +251,16 @@ def _inside(node: Any, key: str, where: str, following: str) -> Any:
         return node[_index(node, key, where)]
     if isinstance(node, dict):
         return node.setdefault(key, [] if following == "0" else {})
-    raise SceneError(f"{where}: {where.rpartition('.')[0]} is a value, not a table")
+    raise SceneError(
+        f"{where}: {where.rpartition('.')[0]} is a value and has no fields; set {where.rpartition('.')[0]} itself"
+    )
 
 
 def _remove(node: Any, key: str, keys: list[str]) -> None:
     """Switch an effect off, or one entry of an effect that is a list."""
     if keys[0] not in OPTIONAL or len(keys) > 2 or (len(keys) == 2 and not isinstance(node, list)):
         raise SceneError(
-            f"override {'.'.join(keys)}=off: only an effect can be off; effects: {', '.join(OPTIONAL)}"
+            f"setting {'.'.join(keys)}=off: only an effect can be off; effects: {', '.join(OPTIONAL)}"
         )
     if isinstance(node, list):
         del node[_index(node, key, ".".join(keys))]
@@ -238,7 +271,7 @@ def _remove(node: Any, key: str, keys: list[str]) -> None:
 def _index(node: list[Any], key: str, where: str) -> int:
     allowed = [str(i) for i in range(len(node))]
     if key not in allowed:
-        known = f"it has entries 0 to {len(node) - 1}" if node else "it is empty"
+        known = f"it has entries 0 to {len(node) - 1}; number {len(node)} adds one" if node else "it is empty"
         raise SceneError(f"{where}: there is no entry {shown(key)}; {known}")
     return int(key)
 
@@ -246,7 +279,9 @@ def _index(node: list[Any], key: str, where: str) -> int:
 def _build(cls: Any, table: Any, path: str) -> Any:
     """Return the dataclass `cls` made from a TOML table."""
     if not isinstance(table, Mapping):
-        raise SceneError(f"{path} is {shown(table)}; it must be a table")
+        raise SceneError(
+            f"{path} is {shown(table)}; it must be a table; its fields: {', '.join(hints_of(cls))}"
+        )
     hints = hints_of(cls)
     for key in table:
         if key not in hints:
@@ -262,7 +297,7 @@ def _build(cls: Any, table: Any, path: str) -> Any:
         where = f"{path}.{f.name}" if path else f.name
         if f.name in table:
             values[f.name] = converted(
-                hints[f.name], table[f.name], where, f.metadata.get("unit", ""), _build
+                hints[f.name], table[f.name], where, f.metadata.get("unit", ""), _build, f.default
             )
         elif f.default is MISSING and f.default_factory is MISSING:
             raise SceneError(f"field {where} is missing{_wanted(hints[f.name], f.metadata.get('unit', ''))}")

@@ -123,7 +123,7 @@ def _round(field: str, table: Servos, body: Body) -> list[Arm]:
         arms.append(
             Arm(
                 NodeSet("", body=body.name, along=(x, y, z), beyond=beyond),
-                f"{field}.clamp_radius is {table.clamp_radius} m: servo {i}",
+                f"{field}.clamp_radius is {table.clamp_radius} m: servo_{i}",
                 turn @ np.array([0, 0, -table.axis_depth]) + table.axis_radius * outward + position,
                 turn @ np.array([np.sin(phi), -np.cos(phi), 0.0]),
                 -outward,

@@ -56,9 +56,13 @@ def script_of(scene: Scene, servo: str | None = None, slide: str | None = None) 
     joints = joints_of(scene)
     for option, text in (("--servo", servo), ("--slide", slide)):
         if text is not None and not joints:
-            raise SceneError(f"{option}: scene {scene.name!r} has no servos")
+            raise SceneError(
+                f"{option}: scene {scene.name!r} has no servos; leave {option} out or add [servos] to the scene"
+            )
     if slide is not None and joints and not joints.slides:
-        raise SceneError(f"--slide: no servo of scene {scene.name!r} slides")
+        raise SceneError(
+            f"--slide: no servo of scene {scene.name!r} slides; leave it out or set servo.0.inward, ..."
+        )
     if not joints:
         return Script()
     if servo is not None or slide is not None or not scene.motion:
@@ -67,4 +71,4 @@ def script_of(scene: Scene, servo: str | None = None, slide: str | None = None) 
     try:
         return Script(*joint_timelines(joints, scene.motion.servo, scene.motion.slide or None, names))
     except SceneError as error:
-        raise SceneError(f"{error}; give --servo, or --set motion=off") from None
+        raise SceneError(f"{error}; correct it, give --servo, or use --set motion=off") from None

@@ -51,9 +51,9 @@ REHEARSED = 0.01
 a step's time up to which prescribed motions go when kernels compile: all of it would cost as much as the first step."""
 
 UNSTABLE_START = (
-    "the platforms begin in an unstable equilibrium: with inertia the bodies leave it, at rest they snap under a small "
-    "load; begin with another platform position; if a finer mesh or another element tells of none, it is the mesh that "
-    "buckles"
+    "the platforms begin in an unstable equilibrium, which the bodies leave at a small load "
+    "(they snap or buckle); start from another platform position. If a finer mesh or another "
+    "mesh.element does not report this, the mesh is the cause"
 )
 """What is to say where the bodies have no stiffness against some move once platforms are let go."""
 
@@ -138,7 +138,7 @@ class Simulation:
             StepError: no equilibrium in the start configuration.
         """
         if not isinstance(scene, Scene):
-            raise SceneError(f"scene is {shown(scene)}; it must be what load_scene returns")
+            raise SceneError(f'scene is {shown(scene)}; it must be a Scene: Simulation(load_scene("tripod"))')
         self.scene = scene
         self.notes: tuple[str, ...] = ()
         self._noted = noted
@@ -201,7 +201,7 @@ class Simulation:
             yield
         except StepError as error:
             if doubts := "; ".join(note for note in self.notes if isinstance(note, Doubt)):
-                error.remedy = f"the likely cause: {doubts}"
+                error.remedy = f"likely cause: {doubts}"
             raise
 
     def __repr__(self) -> str:
@@ -449,10 +449,10 @@ class Simulation:
             for i, (angle, arm) in enumerate(zip(angles, s.arms, strict=True)):
                 if not arm.low - 1e-9 <= angle <= arm.high + 1e-9:
                     raise SceneError(
-                        f"servo {i}: angle {angle:g} rad; allowed is {arm.low:g} to {arm.high:g} rad"
+                        f"servo_{i}: angle {angle:g} rad; allowed: {arm.low:g} to {arm.high:g} rad"
                     )
             if not -1e-9 <= slide <= s.slide_max + 1e-9:
-                raise SceneError(f"slide {slide:g} m; allowed is 0 to {s.slide_max:g} m")
+                raise SceneError(f"slide {slide:g} m; allowed: 0 to {s.slide_max:g} m")
         return goal
 
     def reset(self) -> None:
@@ -485,7 +485,7 @@ class Simulation:
             self._stepper.forget()
             return
         if not (self._ball and self.state.ball):
-            raise SceneError(f"scene {self.scene.name!r} has no ball")
+            raise SceneError(f"scene {self.scene.name!r} has no ball; add [maze] and [ball]")
         self._ball.start(self.state).copy_to(self.state.ball)
         self._load_ball()
         if self._parts.chosen:
@@ -520,7 +520,8 @@ class Simulation:
         self._check_fits(state)
         if np.shape(torques) != self.torques.shape:
             raise SceneError(
-                f"the state is of another scene: torques of shape {np.shape(torques)}, here {self.torques.shape}"
+                f"the state is of another scene: it has torques of shape {np.shape(torques)}, here "
+                f"{self.torques.shape}; take a state of this scene"
             )
         state.copy_to(self.state)
         self.torques = np.array(torques, dtype=float)
@@ -536,7 +537,10 @@ class Simulation:
         for name in ("positions", "modes", "centres", "joints"):
             theirs, own = getattr(state, name).shape, getattr(self.state, name).shape
             if theirs != own:
-                raise SceneError(f"the state is of another scene: {name} of shape {theirs}, here {own}")
+                raise SceneError(
+                    f"the state is of another scene: {name} has shape {theirs}, here {own}; take a state of this "
+                    "scene"
+                )
 
     def __reduce__(self) -> "tuple[Callable[..., Simulation], tuple[Scene, tuple[State, FloatArray]]]":
         """Copy by what it is made of: parts hold views of each other's arrays, which copied one by one would part."""
@@ -654,8 +658,8 @@ class Simulation:
         """Return the nodes of a marker. Raises SceneError."""
         count = len(self._parts.watched)
         if marker not in range(count):
-            known = f"allowed is 0 to {count - 1}" if count else "the scene has none; add [[marker]]"
-            raise SceneError(f"marker {shown(marker)} is not there: {known}")
+            known = f"allowed: 0 to {count - 1}" if count else "the scene has none; add [[marker]]"
+            raise SceneError(f"there is no marker {shown(marker)}: {known}")
         return self._parts.watched[marker]
 
     def reactions(self, marker: int) -> tuple[FloatArray, FloatArray]:
@@ -669,7 +673,7 @@ class Simulation:
         """
         nodes = self._marked(marker)
         if not isinstance(self._system, System):
-            raise SceneError("springs do not tell what holds them")
+            raise SceneError("the force on a set is known for solids only, and this body is of springs")
         forces = self._held_by[nodes]
         if self.scene.inertia and self.scene.inertia.scheme in EXPLICIT:
             forces = forces * self._system.groups.held()[nodes]
@@ -709,7 +713,7 @@ class Simulation:
             return ""
         others = np.concatenate([self.state.positions, self._world.obstacles])
         lost = rigid.below(state, number, others) > LOST
-        return f"ball lost: it is more than {LOST:g} m below all else" if lost else ""
+        return f"ball lost: it fell more than {LOST:g} m below everything else" if lost else ""
 
     @property
     def _world(self) -> "World":
@@ -745,7 +749,10 @@ class Simulation:
         """
         system = self._static.system
         if not isinstance(system, System):
-            raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
+            raise SceneError(
+                "springs and rigid bodies have no effector, so they have no compliance; take a scene with a "
+                "solid and [effector]"
+            )
         held = None
         if contact_of(self.scene):
             from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact

@@ -144,7 +144,9 @@ class SoftestMove:
         known.flat[:: len(known) + 1] += share * float((known.diagonal() / share).max()) * ALIKE
         stiffness, moves, failed = lapack.dsygvd(known, sizes)
         if failed:
-            raise LinearError("the body answers to forces by moves that are no numbers")
+            raise LinearError(
+                "forces on the body give displacements that are not finite: is a part of it held by nothing?"
+            )
         return stiffness, moves
 
 

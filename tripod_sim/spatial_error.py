@@ -70,13 +70,15 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
     mesh = scene.mesh
     if scene.springs or scene.body:
         raise SceneError(
-            "springs have no mesh that could be finer, and of several bodies only one would be: no spatial error"
+            "the error of the mesh is estimated for one solid only: springs have no mesh, and of several "
+            "bodies only one would be refined"
         )
     if not mesh:
-        raise SceneError("there is no mesh that could be finer: a scene of rigid bodies has no spatial error")
+        raise SceneError("rigid bodies have no mesh, so there is no error of the mesh to estimate")
     if not (joints_of(scene) or scene.fixed or scene.prescribed):
         raise SceneError(
-            "nothing holds the body (no servos, nothing fixed or prescribed), so it has no static state to estimate"
+            "nothing holds the body (no servos, nothing fixed or prescribed), so it has no static state "
+            "for which to estimate the error; add [[fixed]] or [servos]"
         )
     if joints is not None:
         scene = _posed(scene, joints)

@@ -66,7 +66,7 @@ class StandardServices:
     @staticmethod
     def _on_features(_: object, response: GetSimulatorFeatures.Response) -> GetSimulatorFeatures.Response:
         response.features.features = list(FEATURES)
-        response.features.custom_info = "tripod: one scene, nothing is spawned"
+        response.features.custom_info = "tripod has one scene; nothing can be added while it runs"
         return response
 
     def _on_get_state(self, _: object, response: GetSimulationState.Response) -> GetSimulationState.Response:
@@ -89,7 +89,10 @@ class StandardServices:
             allowed = ", ".join(map(str, SCOPES))
             return (
                 Result.RESULT_FEATURE_UNSUPPORTED,
-                f"scope {request.scope}: time and state are reset together; allowed: {allowed}",
+                (
+                    f"scope {request.scope} is not supported, as time and state are reset together; allowed: "
+                    f"{allowed}"
+                ),
             )
         if self._physics().request_reset():
             return DONE
@@ -100,15 +103,16 @@ class StandardServices:
         if physics.activity is not Activity.PAUSED:
             return (
                 Result.RESULT_INCORRECT_STATE,
-                physics.failure or "not paused: set the state 2 (paused) first",
+                physics.failure or "not paused: set state 2 (paused) first",
             )
         if request.steps == 0:
             return Result.RESULT_OPERATION_FAILED, "steps is 0; allowed: at least 1"
         made = physics.request_steps(request.steps, STEPS_TIME)
         if made == request.steps:
             return DONE
-        why = (
-            physics.failure or f"{made} of {request.steps} steps were made in {STEPS_TIME:g} s: ask for fewer"
+        why = physics.failure or (
+            f"{made} of {request.steps} steps were made in {STEPS_TIME:g} s, the time limit; request "
+            "fewer steps"
         )
         return Result.RESULT_OPERATION_FAILED, why
 

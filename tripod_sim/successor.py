@@ -53,7 +53,7 @@ class Successor:
         changes = self.changes
         if changes is None:
             return ""
-        return f"building the scene {_named(changes)}: until that is ready all goes on as it is"
+        return f"building the scene {_named(changes)}; the simulation continues unchanged until it is ready"
 
     def wish(self, source: str, overrides: Sequence[str], changes: Sequence[str]) -> None:
         """Begin to build a scene with `overrides` and `changes`, in place of what is being built. Raises SceneError."""
@@ -82,7 +82,7 @@ class Successor:
             except Exception as error:  # noqa: BLE001 - a thread that just died would seem to build for ever
                 told = isinstance(error, SceneError | StepError)
                 why = str(error) if told else f"{type(error).__name__}: {error}"
-                simulation, why = None, f"it cannot begin {_named(wished[0])}: {why}"
+                simulation, why = None, f"the simulation cannot continue {_named(wished[0])}: {why}"
             with self._lock:
                 if self._wished is not wished:
                     continue

@@ -55,7 +55,7 @@ def parse_timeline(text: str, width: int, what: str, unit: str) -> Timeline:
     parts = [p for p in text.split(";") if p.strip()]
     if not 0 < len(parts) <= MOST_KEYS:
         raise SceneError(
-            f"{what} has {len(parts)} entries; allowed is 1 to {MOST_KEYS}, 'time: value, ...; ...'"
+            f"{what} has {len(parts)} entries of the form 'time: value, ...'; allowed: 1 to {MOST_KEYS}"
         )
     for part in parts:
         time, colon, rest = part.partition(":")
@@ -70,13 +70,15 @@ def parse_timeline(text: str, width: int, what: str, unit: str) -> Timeline:
             or not np.isfinite([times[-1] if times else np.nan, *numbers]).all()
         ):
             raise SceneError(
-                f"{what}: {shown(part.strip())} is not 'time: value, ...' with {width} finite values"
-                f"{_time_missing(part, width, unit)}{_no_number(rest, unit)}"
+                f"{what}: {shown(part.strip())} is not of the form 'time: value, ...' with {width} finite "
+                f"{'value' if width == 1 else 'values'}{_time_missing(part, width, unit)}{_no_number(rest, unit)}"
             )
         values.append(numbers)
     t = np.array(times)
     if t[0] < 0 or (np.diff(t) <= 0).any():
-        raise SceneError(f"{what}: times {', '.join(f'{x:g}' for x in t[:8])} s must rise, from 0 or later")
+        raise SceneError(
+            f"{what}: times {', '.join(f'{x:g}' for x in t[:8])} s must increase, from 0 s or later"
+        )
     return Timeline(t, np.array(values))
 
 
@@ -110,13 +112,13 @@ def joint_timelines(
         i = int(np.argmax(beyond))
         low, high, of = joints.low[i], joints.high[i], angles.values[:, i]
         raise SceneError(
-            f"{names[0]}: angles of servo {i} reach {of.min():g} to {of.max():g} rad; allowed is {low:g} to {high:g} "
+            f"{names[0]}: angles of servo_{i} reach {of.min():g} to {of.max():g} rad; allowed: {low:g} to {high:g} "
             "rad" + _hint(servo, of, "rad", lambda a: low <= a <= high)
         )
     s = joints
     if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
         raise SceneError(
-            f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
+            f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed: 0 to "
             f"{s.slide_max:g} m" + _hint(slide, slides.values.ravel(), "m", lambda x: 0 <= x <= s.slide_max)
         )
     return angles, slides
@@ -127,9 +129,7 @@ def _hint(text: str | None, values: FloatArray, unit: str, fits: Callable[[float
     sign = OTHER_UNITS[unit][1]
     if sign in (text or ""):
         return ""
-    value = float(values[np.abs(values).argmax()])
-    hint = other_unit(value, unit, fits)
-    return hint and f"{hint}: write {value:g}{sign}"
+    return other_unit(float(values[np.abs(values).argmax()]), unit, fits)
 
 
 def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Timeline:
@@ -149,7 +149,9 @@ def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Tim
         value = np.nan
     if not np.isfinite(value):
         units = " or ".join(units_of("m"))
-        raise SceneError(f"{what} {shown(text)} is neither a number in {units} nor 'time: value; ...'")
+        raise SceneError(
+            f"{what} {shown(text)} is neither a number in {units} nor of the form 'time: value; ...'"
+        )
     if servo is not None and len(servo.times) > 1:
         ends = servo.times[[0, -1]]
         return Timeline(ends, np.array([[0.0], [value]]))
@@ -162,7 +164,14 @@ def _time_missing(part: str, width: int, unit: str) -> str:
     if len(words) not in (1, width):
         return ""
     try:
-        finite = np.isfinite([with_unit(word, unit) for word in words]).all()
+        values = [with_unit(word, unit) for word in words]
     except ValueError:
         return ""
-    return f"; from the start on: '0: {', '.join(words * (width // len(words)))}'" if finite else ""
+    if not np.isfinite(values).all():
+        return ""
+    _, sign, _, least = OTHER_UNITS[unit]
+    meant = [
+        f"{word}{sign}" if abs(v) > least and word[-1].isdigit() else word
+        for word, v in zip(words, values, strict=True)
+    ]
+    return f"; to hold from the start, write '0: {', '.join(meant * (width // len(words)))}'"

@@ -63,12 +63,12 @@ class JointWatch:
 def joint_values(names: Sequence[str], positions: Sequence[float]) -> Joints:
     """Return the angles of all servos [rad] and, if it is named, the slide [m]. Raises JointError."""
     if len(names) != len(positions):
-        raise JointError(f"{len(positions)} positions for {len(names)} joints")
+        raise JointError(f"the message has {len(positions)} positions for {len(names)} joints")
     told = dict(zip(names, positions, strict=True))
     servos = servo_names(count_servos(told))
     if not servos or any(n.startswith("servo_") and n not in servos for n in told):
         raise JointError(f"joint 'servo_{len(servos)}' is missing; joints: {', '.join(names)[:80] or 'none'}")
     known = [n for n in (*servos, SLIDE) if n in told]
     if strange := [n for n in known if not math.isfinite(told[n])]:
-        raise JointError(f"joint {strange[0]!r} is {told[strange[0]]}")
+        raise JointError(f"joint {strange[0]!r} is at {told[strange[0]]}; it must be a finite number")
     return tuple(float(told[n]) for n in known)

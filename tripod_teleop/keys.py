@@ -73,15 +73,15 @@ class Binding:
 
 
 BINDINGS: Final = (
-    Binding(("up", "ctrl+up"), Move(0, +1), "Up, Down", "servo 0 up, down"),
+    Binding(("up", "ctrl+up"), Move(0, +1), "Up, Down", "servo_0 up, down"),
     Binding(("down", "ctrl+down"), Move(0, -1)),
-    Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo 1 up, down"),
+    Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo_1 up, down"),
     Binding(("right", "ctrl+right"), Move(1, -1)),
-    Binding(("+", "=", "ctrl++", "ctrl+="), Move(CHOSEN, +1), "+, -", "servo 2, or the chosen one, up, down"),
+    Binding(("+", "=", "ctrl++", "ctrl+="), Move(CHOSEN, +1), "+, -", "servo_2, or the chosen one, up, down"),
     Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(CHOSEN, -1)),
     Binding(("0",), Choose(0), "0 to 9", "choose the servo that + and - move"),
     *(Binding((str(i),), Choose(i)) for i in range(1, 10)),
-    Binding(("space", "ctrl+space", "alt+space"), Act.STOP, "space", "stop: hold, then park"),
+    Binding(("space", "ctrl+space", "alt+space"), Act.STOP, "space", "stop: hold the pose, then park slowly"),
     Binding(("t", "T", "ctrl+t", "b", "B", "ctrl+b"), Act.TELEOP, "t or b", "drive by these keys"),
     Binding(("i", "I", "ctrl+i"), Act.IK, "i", "inverse kinematics drives"),
     Binding(("a", "A", "ctrl+a"), Act.WORK, "a", "go to the working pose"),

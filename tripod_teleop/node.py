@@ -245,7 +245,7 @@ def operator_limits(values: Mapping[str, Any]) -> CommandLimits:
 def checked_angles(name: str, angles: list[float], limits: CommandLimits) -> tuple[float, ...]:
     """Return the angles of parameter `name` [rad]; raise ParameterError unless they may be commanded."""
     if not angles:
-        raise ParameterError(f"parameter '{name}' is empty; it needs an angle for each servo, or one for all")
+        raise ParameterError(f"parameter '{name}' is empty; give an angle for each servo, or one for all")
     try:
         limits.of(len(angles)).check(np.array([*angles, 0.0]), f"parameter '{name}'")
     except CommandError as error:

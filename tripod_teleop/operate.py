@@ -151,12 +151,12 @@ class Operator:
     def _choose(self, servo: int) -> None:
         if servo < self.drive.limits.count:
             self.chosen = servo
-            self.notice = f"+ and - move servo {servo}"
+            self.notice = f"+ and - move servo_{servo}"
         else:
             self.notice = self._no_servo(servo)
 
     def _no_servo(self, servo: int) -> str:
-        return f"there is no servo {servo}; the robot has {self.drive.limits.count}"
+        return f"there is no servo_{servo}; the robot has {self.drive.limits.count} servos"
 
     def _jump(self, angles: Sequence[float]) -> None:
         count = self.drive.limits.count

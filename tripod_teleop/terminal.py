@@ -30,13 +30,17 @@ class Terminal:
     terminal, so does the end of Python without it; a terminal that is gone is let be.
     """
 
-    def __init__(self, fd: int = 0) -> None:
-        """`fd`: of the terminal. Raises TerminalError if it is none; nothing is changed before `enter`."""
+    def __init__(self, fd: int = 0, *, program: str = "teleop") -> None:
+        """Raises TerminalError if there is none; nothing is changed before `enter`.
+
+        `fd`: of the terminal; `program`: which needs it, as the message says it.
+        """
         try:
             self._saved: list[Any] = termios.tcgetattr(fd)
         except (termios.error, OSError):
             raise TerminalError(
-                "teleop needs a terminal: standard input is none; run it by itself, not from a launch file or a pipe"
+                f"{program} needs a terminal, and standard input is not one; start it by itself in a terminal, "
+                "not from a launch file or a pipe"
             ) from None
         self._fd = fd
         self._entered = False

@@ -78,7 +78,7 @@ class Channel:
     def _take(self, number: int, message: str | bytes) -> None:
         try:
             if len(message) > LONGEST:
-                raise EventError(f"a message of {len(message)} characters; at most {LONGEST}")
+                raise EventError(f"a message has {len(message)} characters; allowed: at most {LONGEST}")
             self._inbox.put(event_of(message))
         except EventError as error:
             self._inbox.put(Nonsense(str(error)))

@@ -145,7 +145,9 @@ class Control:
         self.angles[servo] = np.clip(angle, low, high)
         if self.angles[servo] != angle:
             asked, least, most = (f"{np.degrees(v):.1f}" for v in (angle, low, high))
-            self.notice = f"servo {servo}: {asked} degrees is beyond {least} to {most}; it goes to the limit."
+            self.notice = (
+                f"servo {servo}: {asked} degrees is outside of {least} to {most}; it goes to the limit."
+            )
             self.synced = True
         return True
 
@@ -156,7 +158,9 @@ class Control:
         self.slide = float(np.clip(place, 0.0, self.limits.slide_max))
         if self.slide != place:
             most = 1e3 * self.limits.slide_max
-            self.notice = f"slide: {1e3 * place:.1f} mm is beyond 0 to {most:.1f}; it goes to the limit."
+            self.notice = (
+                f"slide: {1000.0 * place:.1f} mm is outside of 0 to {most:.1f}; it goes to the limit."
+            )
             self.synced = True
         return True
 

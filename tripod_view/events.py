@@ -168,7 +168,7 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
             return Replayed(None)
         case {"replay": age, "running": bool(running)}:
             return Replayed(_number("replay", age), running)
-    raise EventError(f"{text!r:.60} means nothing")
+    raise EventError(f"{text!r:.60} is not a known action")
 
 
 def _number(name: str, value: Any) -> float:

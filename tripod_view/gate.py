@@ -62,13 +62,13 @@ class Gate:
             RefusedError: another name than the page's own, another site, or no token or a wrong one.
         """
         if len(hosts) != 1 or not OWN_HOST.fullmatch(hosts[0]):
-            raise RefusedError("this page is at 127.0.0.1 only")
+            raise RefusedError("this page is available at 127.0.0.1 only")
         if len(origins) > 1 or any(origin != f"http://{hosts[0]}" for origin in origins):
-            raise RefusedError("pages of other sites are not let in")
+            raise RefusedError("pages of other sites may not use this page")
         given, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
         if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
             raise RefusedError(
-                "the address of this page ends in a token; open the whole address, as it was printed in the "
+                "the address of this page ends in a token; open the whole address that was printed in the "
                 "terminal"
             )
         return slash + rest or "/"

@@ -18,7 +18,7 @@ def joint_values(names: Sequence[str], positions: Sequence[float]) -> FloatArray
     A slide that is not named is 0: the real robot has none. Other joints are passed over. Raises JointError.
     """
     if len(names) != len(positions):
-        raise JointError(f"{len(positions)} positions for {len(names)} joints")
+        raise JointError(f"the message has {len(positions)} positions for {len(names)} joints")
     values = dict(zip(names, positions, strict=True))
     servos = servo_names(count_servos(values))
     if not servos or any(n.startswith("servo_") and n not in servos for n in values):

@@ -69,7 +69,7 @@ def state_of(message: BodyState) -> tuple[int, FloatArray]:
 def pose_of(message: PoseStamped) -> Pose:
     """Return the pose of a message in frame `world`. Raises PoseError."""
     if message.header.frame_id != names.WORLD:
-        raise PoseError(f"frame '{message.header.frame_id}'; only '{names.WORLD}' is understood")
+        raise PoseError(f"frame '{message.header.frame_id}' is not known; the frame must be '{names.WORLD}'")
     p, q = message.pose.position, message.pose.orientation
     return Pose.of((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 

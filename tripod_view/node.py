@@ -28,6 +28,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
 from tripod_graph.command import CommandError
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
@@ -217,8 +218,10 @@ class ViewNode(Node):
         """Keep what the recorder and the inverse kinematics of this robot say of themselves."""
         for status in message.status:
             if status.name == self._recorder:
-                path = next((pair.value for pair in status.values if pair.key == "path"), "")
-                self._display.recorder.hear(status.message, path)
+                values = {pair.key: pair.value for pair in status.values}
+                self._display.recorder.hear(
+                    status.message, values.get(keys.STATE, ""), values.get(keys.PATH, "")
+                )
             elif status.name == self._ik:
                 self._display.keep_ik_values({pair.key: pair.value for pair in status.values})
 
@@ -410,12 +413,16 @@ class ViewNode(Node):
         """Ask the recorder and show its answer when it comes; nothing waits for it, since it may be lost."""
         client = self._recorders[button]
         if not client.service_is_ready():
-            self._display.recorder.text = "no recorder runs: `tripod record`, or `tripod up --record`"
+            self._display.recorder.text = (
+                "no recorder is running: start `tripod record`, or `tripod up --record DIR`"
+            )
             return
         self._display.recorder.text = "asked"
 
         def answered(future: Any) -> None:
-            self._display.recorder.answer(future.result().message)
+            result = future.result()
+            begin = button is Button.RECORD
+            self._display.recorder.answer(result.message, begin=begin, success=result.success)
 
         client.call_async(Trigger.Request()).add_done_callback(answered)
 
@@ -443,7 +450,9 @@ class ViewNode(Node):
         while self._streams:
             self.destroy_subscription(self._streams.pop())
         if self._control.in_control:
-            self.get_logger().warning("the last browser left while the page was in control: STOP")
+            self.get_logger().warning(
+                "the last browser was closed while the page was in control: the mode is now STOP"
+            )
             self._decide(Mode.STOP)
 
     # What goes out.
@@ -517,7 +526,7 @@ def open_page(node: Node, port: int, channel: Channel) -> tuple[PageServer, str]
     server = PageServer(port, channel)
     taken = server.get_port()
     if port not in (0, taken):
-        text = f"port {port} is taken: the page is on port {taken}"
+        text = f"port {port} is in use: the page is on port {taken}"
         print(text, flush=True)
         node.get_logger().warning(text)
     return server, f"http://{HOST}:{taken}"

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-ENDED = ("recording ended", "not recording")
-"""What diagnostics begin with while nothing is recorded."""
+from tripod_graph.diagnostic_keys import Recording
 
 
 @dataclass
@@ -20,12 +19,12 @@ class Recorder:
     records: bool = False
     text: str = ""
 
-    def answer(self, text: str) -> None:
-        """Take its answer to being asked to begin or to end."""
-        self.records, self.text = text.startswith("recording"), text
+    def answer(self, text: str, *, begin: bool, success: bool) -> None:
+        """Take its answer to a request to begin, or to end, and whether it did."""
+        self.records, self.text = begin and (success or self.records), text
 
-    def hear(self, text: str, path: str) -> None:
-        """Take its diagnostics; `path`: of the recording, empty if there is none."""
-        self.records = bool(path) and not text.startswith(ENDED)
-        if path and not text.startswith("not recording"):
+    def hear(self, text: str, state: str, path: str) -> None:
+        """Take its diagnostics: its text, one of the words of `Recording`, the path of the recording or nothing."""
+        self.records = state == Recording.ON
+        if path and state != Recording.OFF:
             self.text = f"{text}: {path}"

@@ -136,7 +136,9 @@ def free_port(port: int) -> int:
                 error = error or e
             else:
                 return candidate
-    raise OSError(f"no port from {port} to {candidate} can be listened on: {error}")
+    raise OSError(
+        f"no port from {port} to {candidate} can be opened: {error}; choose another with --set port=N"
+    )
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Mode
 from tripod_graph.source import name_of
@@ -144,13 +145,11 @@ def ik_value_lines(values: Mapping[str, str]) -> list[Line]:
     `values`: of its diagnostics.
     """
     lines = []
-    if (load := values.get("load [N]")) is not None:
-        half, push = (
-            _numbers(values.get(name, "")) for name in ("load, half of 90 % [N]", "push along x and y [N]")
-        )
+    if (load := values.get(keys.LOAD)) is not None:
+        half, push = (_numbers(values.get(name, "")) for name in (keys.LOAD_HALF, keys.PUSH))
         lines.append(_load_line(_numbers(load), half, push))
-    if (shift := values.get("expected error [m]")) is not None:
-        lines.append(_expected_line(shift, values.get("expected error, half of 90 % [m]", "")))
+    if (shift := values.get(keys.EXPECTED_ERROR)) is not None:
+        lines.append(_expected_line(shift, values.get(keys.EXPECTED_ERROR_HALF, "")))
     return lines
 
 

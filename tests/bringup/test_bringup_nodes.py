@@ -24,6 +24,7 @@ from tripod_bringup.demo_session import Phase
 from tripod_bringup.demo_target import DemoTarget
 from tripod_bringup.watch import ROBOT_STATES, SIM_STATES, Watch
 from tripod_graph import names
+from tripod_graph.diagnostic_keys import CONNECTION_ERROR
 from tripod_graph.diagnostics import Diagnostics, Level
 from tripod_graph.mode import Mode
 from tripod_graph.names import WORKING_POSE
@@ -107,16 +108,21 @@ def test_the_watch_tells_why_no_board_has_ever_answered(spin: Callable[..., None
 
         spin(shown, watch, driver)
 
+    why = [""]
+    health = Diagnostics(driver, lambda: (Level.ERROR, "DISCONNECTED", {CONNECTION_ERROR: why[0]}))
     tell(RobotStatus.CONNECTING, "waiting up to 2 s for the board's answer")
     assert watch.absence == "", "nobody has waited long enough"
-    tell(RobotStatus.DISCONNECTED, "/dev/nope does not exist; next attempt after 0.5 s")
-    assert watch.absence == "/dev/nope does not exist"
+    why[0] = "/dev/nope does not exist"
+    spin(lambda: watch.absence == "/dev/nope does not exist", watch, driver)
+    why[0] = ""
     tell(RobotStatus.CONNECTING)
     assert watch.absence == "/dev/nope does not exist"
     tell(RobotStatus.READY)
     assert watch.absence == ""
+    why[0] = "it was lost"
     tell(RobotStatus.DISCONNECTED, "it was lost")
     assert watch.absence == "", "it did answer"
+    assert health
 
 
 def test_the_watch_tells_what_the_recorder_complains_of(spin: Callable[..., None]) -> None:

@@ -102,7 +102,7 @@ def test_what_the_keys_mark_is_written_and_read_back(tmp_path: Path) -> None:
     }
     bench = Bench(tmp_path, keys)
     assert bench.run() == 0
-    assert_names(bench.console.said[-2], bench.file, f"tripod driver calibration:={bench.file}")
+    assert_names(bench.console.said[-2], bench.file, f"tripod driver --set calibration={bench.file}")
     found = read_calibration(bench.file)
     assert found.servos[0].offset == pytest.approx(math.radians(160), abs=1e-5)
     assert found.servos[0].safe_range == pytest.approx((-math.radians(50), math.radians(20)), abs=1e-5)
@@ -213,7 +213,7 @@ def test_without_a_key_for_long_the_servos_park_and_what_was_found_is_kept(tmp_p
 def test_a_board_that_must_not_be_driven_ends_it_with_the_reason(tmp_path: Path) -> None:
     bench = Bench(tmp_path, {}, version=9)
     assert bench.run() == 1
-    assert_names(bench.console.said[-1], "firmware", "version 9", VERSION, "up to date")
+    assert_names(bench.console.said[-1], "firmware", "version 9", VERSION, "update")
 
 
 def test_a_lost_board_is_told_and_comes_back_without_a_jump(tmp_path: Path) -> None:

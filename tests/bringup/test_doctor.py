@@ -79,7 +79,7 @@ def test_what_every_node_needs_to_start(tmp_path: Path, monkeypatch: pytest.Monk
 
     def broken() -> None:
         raise LoopbackError(
-            "the loopback interface does not work (down); bring it up: sudo ip link set lo up"
+            "the loopback interface does not work (down)", "bring it up: sudo ip link set lo up"
         )
 
     monkeypatch.setattr(doctor, "check_loopback", broken)

@@ -43,7 +43,7 @@ def test_each_port_is_told_with_its_identity_and_lasting_name() -> None:
     assert_names(HINT, "tripod doctor --ask", "firmware", "resets the board")
     assert_names(phone.found, "/dev/ttyACM1", "18D1:4EE7", "Pixel", "no known board")
     assert not names(uno.found, "no known board")
-    assert_names(phone.advice, "port:=/dev/ttyACM1")
+    assert_names(phone.advice, "--set port=/dev/ttyACM1")
 
 
 def test_a_port_without_permission_fails_with_both_remedies() -> None:
@@ -76,7 +76,7 @@ def test_firmware_and_round_trip_are_told_of_known_boards_when_asked_for() -> No
     (mute,) = check(UNO, answer_of=lambda _: Answer(message="no answer"))
     assert (mute.verdict, mute.advice) == (Verdict.WARN, MUTE)
     assert_names(mute.found, UNO.device, "no answer")
-    assert_names(MUTE, "protocol:=legacy", "tripod flash")
+    assert_names(MUTE, "--set protocol=legacy", "tripod flash")
 
     def lost(device: str) -> Answer:
         raise PortError(f"{device} was lost")

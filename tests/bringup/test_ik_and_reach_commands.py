@@ -79,18 +79,16 @@ def test_a_tilt_is_printed_in_degrees() -> None:
             ["ik", "--target", "0 0 0", "--box", "1 0 0 0 1 1"],
             ("box", "[1.0, 0.0, 0.0] m", "[0.0, 1.0, 1.0] m"),
         ),
-        (["ik", "--target", "0 0 0", "--torque-max", "nan"], ("torque_max", "nan N m", "positive")),
         (
             ["ik", "--target", "0 0 0", "--scene", "silicone"],
             ("scene 'silicone'", "no servos", "no effector"),
         ),
-        (["ik", "--target", "0 0 0", "--slide", "1"], ("slide", "1 m", "0 to 0.04 m")),
+        (["ik", "--target", "0 0 0", "--slide", "0.05"], ("slide", "0.05 m", "0 to 0.04 m")),
         (["ik", "--target", "0 0 0", "goal:=pose"], ("'goal:=pose'", "parameter", "node", "--target")),
         (["reach", "nowhere"], ("scene 'nowhere'", "tripod", ".toml")),
         (["reach", "--low", "1"], ("1 to -0.5965 rad", "11 steps")),
         (["reach", "--plot", "x.txt"], ("--plot", "'x.txt'", ".png", ".svg", ".pdf")),
         (["reach", "--out", "/nowhere/at/all.csv"], ("/nowhere/at/all.csv", "no directory /nowhere/at")),
-        (["reach", "--torque-max", "-1"], ("torque", "-1 N m", "positive")),
     ],
 )
 def test_bad_words_are_refused_in_one_line_with_code_2(words: list[str], named: tuple[str, ...]) -> None:
@@ -98,6 +96,23 @@ def test_bad_words_are_refused_in_one_line_with_code_2(words: list[str], named: 
     assert result.exit_code == 2
     assert_names(result.stderr, f"tripod {words[0]}: ", *named)
     assert len(result.stderr.splitlines()) == 1
+    assert result.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["ik", "--target", "0 0 0", "--torque-max", "nan"], ("nan N m", "0 N m", "0.3")),
+        (["ik", "--target", "0 0 0", "--slide", "1"], ("1 m", "0 to 0.1 m", "35mm")),
+        (["reach", "--torque-max", "-1"], ("-1 N m", "0 N m", "0.17")),
+    ],
+)
+def test_an_option_out_of_range_is_refused_with_a_value_to_try(
+    words: list[str], named: tuple[str, ...]
+) -> None:
+    result = tripod(*words)
+    assert result.exit_code == 2
+    assert_names(result.stderr.replace("│", " "), words[-2], *named)
     assert result.stdout == ""
 
 

@@ -25,7 +25,7 @@ NAMED |= {"rviz", "foxglove", "autostart"}
 
 def test_the_parameter_file_is_as_the_command_writes_it() -> None:
     written = (ROOT / "config" / "tripod.yaml").read_text(encoding="utf-8")
-    assert written == parameter_file(list(NODES)), "run `tripod parameters > config/tripod.yaml`"
+    assert written == parameter_file(list(NODES)), "run `tripod print parameters > config/tripod.yaml`"
 
 
 @pytest.fixture

@@ -188,7 +188,7 @@ def test_what_was_measured_is_kept_and_gone_on_with(tour: np.ndarray, tmp_path: 
     assert bench.file.path.read_text().splitlines()[:5] == lines
     with raises_naming(DataError, bench.file.path, "another robot", "--data"):
         PoseFile(bench.file.path, tour, COLUMNS, "another robot")
-    with raises_naming(DataError, bench.file.path, "no pose", "--data"):
+    with raises_naming(DataError, bench.file.path, "not one of these", "--data"):
         PoseFile(bench.file.path, tour + 0.01, COLUMNS, "a robot")
 
 
@@ -241,7 +241,7 @@ def test_a_height_that_is_mistyped_is_asked_for_again(tour: np.ndarray, tmp_path
     bench.human.heights = ["1..2", "-123456", "12"]
     assert bench.run() == 0
     for text in ("1..2", "-123456"):
-        assert any(names(line, text, "no height", "up to 1000") for line in bench.human.lines)
+        assert any(names(line, text, "not a height", "up to 1000") for line in bench.human.lines)
     assert bench.file.path.read_text().splitlines()[2:] == [
         ",".join([*(f"{angle:.6f}" for angle in tour[8]), "12.0000"])
     ]
@@ -281,7 +281,7 @@ def test_an_imu_is_read_and_a_silent_one_is_told(tour: np.ndarray, tmp_path: Pat
     bench = Bench(tour[:2], ImuSensor(), tmp_path)
     bench.run()
     assert bench.session.code == 1
-    silent = ("board", "0 readings", "IMU", "5 s", "--identify heights")
+    silent = ("board", "0 IMU readings", "5 s", "--identify heights")
     assert any(names(line, *silent) for line in bench.human.said)
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
     sensor, line = ImuSensor(), bench.session._link.session
@@ -378,7 +378,7 @@ def test_a_zero_that_no_horn_has_is_not_written() -> None:
     ("zeros", "explained", "named"),
     [
         ({0: 0.1, 2: -0.2}, False, ("model", "not explain")),
-        ({}, True, ("no servo's zero", "--poses")),
+        ({}, True, ("zero of any servo", "--poses")),
         ({1: -0.36}, True, ("servo_1", "-0.36 rad", "0.35 rad", "tripod calibrate")),
     ],
 )
@@ -389,7 +389,7 @@ def test_zeros_that_must_not_be_believed(zeros: dict, explained: bool, named: tu
         found=[SimpleNamespace(parameter=zero_of[i], true=zero) for i, zero in zeros.items()],
         told=SimpleNamespace(zero=np.zeros(3)),
     )
-    with raises_naming(FitError, *named, "calibration stays"):
+    with raises_naming(FitError, *named, "calibration was not changed"):
         zeros_of(result)
     if zeros and not explained:
         result.left.explained = True

@@ -33,7 +33,7 @@ def test_a_value_arrives_as_it_was_given(value: object) -> None:
 
 @pytest.mark.parametrize("word", ["port", ":=5", "port=5"])
 def test_a_word_that_sets_nothing_is_refused(word: str) -> None:
-    with raises_naming(ValueSyntaxError, repr(word), "NAME:=VALUE"):
+    with raises_naming(ValueSyntaxError, repr(word), "--set NAME=VALUE"):
         split_word(word)
 
 
@@ -103,10 +103,10 @@ def test_parameters_of_up_name_their_node() -> None:
 @pytest.mark.parametrize(
     ("word", "named"),
     [
-        ("port:=mock", ("'port:=mock'", "NODE.NAME:=VALUE")),
-        ("driver.:=mock", ("'driver.:=mock'", "NODE.NAME:=VALUE")),
+        ("port:=mock", ("'port:=mock'", "--set NODE.NAME=VALUE")),
+        ("driver.:=mock", ("'driver.:=mock'", "--set NODE.NAME=VALUE")),
         ("drvier.port:=mock", ("'drvier'", "'driver'")),
-        ("driver.port", ("'driver.port'", "NAME:=VALUE")),
+        ("driver.port", ("'driver.port'", "--set NAME=VALUE")),
         ("driver.angle_mx:=3", ("driver", "'angle_mx'", "'angle_max'")),
         ("driver.angle_max:=9", ("driver", "'angle_max'", "9.0", "-3.2 to 3.2 rad")),
         ("sim.body_rate:=often", ("sim", "'body_rate'", "'often'", "type float")),
@@ -131,5 +131,5 @@ def test_parameters_of_up_that_would_change_nothing_are_refused() -> None:
 def test_what_an_option_and_a_parameter_say_is_said_once() -> None:
     values = node_values(["driver.port:=/dev/ttyUSB0", "record.max_size:=5"])
     check_once(values, {"--port": None, "--view-port": 9000, "--record": "here"})
-    with raises_naming(ValueError, "driver.port:=/dev/ttyUSB0", "--port auto"):
+    with raises_naming(ValueError, "--set driver.port=/dev/ttyUSB0", "--port auto"):
         check_once(values, {"--port": "auto"})

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.messages import assert_names, raises_naming
-from tripod_bringup import cli, up_command
+from tripod_bringup import cli, up_cli, up_command
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.script import joint_path
 from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
@@ -29,7 +29,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("something was started")
 
     monkeypatch.setattr(up_command, "up", started)
-    monkeypatch.setattr(cli, "run_node_command", started)
+    monkeypatch.setattr(up_cli, "run_node_command", started)
 
 
 @pytest.mark.parametrize("command", ["run", "up", "sim"])
@@ -37,8 +37,8 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     ("words", "named"),
     [
         (["--set", "young=1e5"], ("young", "'material.young'")),
-        (["--set", "dt=5"], ("dt", "5.0", "at most 1 s", "5 milliseconds", "0.005 s")),
-        (["--set", "servos.axis_radius=60"], ("servos.axis_radius", "60.0", "60 millimetres", "0.06 m")),
+        (["--set", "dt=5"], ("dt", "5.0", "at most 1 s", "milliseconds", "5ms")),
+        (["--set", "servos.axis_radius=60"], ("servos.axis_radius", "60.0", "millimetres", "60mm")),
         (["--set", "mesh.level=15"], ("mesh.level", 15, "at most 14")),
         (["--accuracy", "much"], ("--accuracy", "'much'", "5%", "draft, real-time, reference")),
     ],
@@ -56,8 +56,8 @@ def test_what_is_wrong_with_a_scene_is_told_alike_before_anything_starts(
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (["--servo", "0:-85,0,0"], ("servo 0", "-2.1 to 0.6 rad", "-85 degrees", "-1.484 rad", "-85deg")),
-        (["--slide", "35"], ("0 to 0.04 m", "35 millimetres", "0.035 m", "35mm")),
+        (["--servo", "0:-85,0,0"], ("servo_0", "-2.1 to 0.6 rad", "degrees", "-85deg")),
+        (["--slide", "35"], ("0 to 0.04 m", "millimetres", "35mm")),
     ],
 )
 def test_likely_units_are_named_where_they_would_fit(words: list[str], named: tuple[str, ...]) -> None:
@@ -67,7 +67,7 @@ def test_likely_units_are_named_where_they_would_fit(words: list[str], named: tu
 @pytest.mark.parametrize("script", ["0:-1000,0,0", "0:-400deg,0,0", "0:1,0,0"])
 def test_no_unit_is_named_where_none_would_fit(script: str) -> None:
     output = tripod("run", "tripod", "--servo", script).output
-    assert_names(output, "--servo", "servo 0", "-2.1 to 0.6 rad")
+    assert_names(output, "--servo", "servo_0", "-2.1 to 0.6 rad")
     assert "deg" not in output
 
 
@@ -106,22 +106,22 @@ def test_the_simulator_gets_its_scene_and_its_overrides_as_parameters() -> None:
         "scene:=maze",
         "set:=dt=0.01",
     ]
-    with raises_naming(ValueError, "'maze'", "scene:=tripod"):
+    with raises_naming(ValueError, "'maze'", "--set scene=tripod"):
         sim_words(["maze", "scene:=tripod"], [], None, None)
 
 
 @pytest.mark.parametrize("name", scene_names())
 def test_a_scene_is_printed_as_it_is_written(name: str, tmp_path: Path) -> None:
     copy = tmp_path / "copy.toml"
-    copy.write_text(tripod("scenes", name).stdout)
+    copy.write_text(tripod("print", "scene", name).stdout)
     assert load_scene(copy).name == name
-    assert json.loads(tripod("scenes", name, "--json").stdout)["name"] == name
+    assert json.loads(tripod("print", "scene", name, "--json").stdout)["name"] == name
     shipped = Path(str(resources.files("tripod_sim"))) / "scenes" / f"{name}.toml"
     assert copy.read_text().rstrip() == shipped.read_text().rstrip()  # comments and all
 
 
 def test_a_scene_that_is_not_there_is_not_printed() -> None:
-    result = tripod("scenes", "tripd")
+    result = tripod("print", "scene", "tripd")
     assert result.exit_code == 2
     assert_names(result.output, "'tripd'", "'tripod'")
 
@@ -162,9 +162,9 @@ def test_a_shell_completes_ports_and_recordings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (["tripod", "--servo", "0:-85,0,0"], ("--servo", "-85 degrees", "-1.484 rad", "-85deg")),
-        (["tripod", "--servo", "0:0,0,0", "--slide", "35"], ("--slide", "35 millimetres", "0.035 m")),
-        (["tripod", "--servo", "0:1,0,0"], ("--servo", "servo 0", "1 rad", "-2.1 to 0.6 rad")),
+        (["tripod", "--servo", "0:-85,0,0"], ("--servo", "degrees", "-85deg")),
+        (["tripod", "--servo", "0:0,0,0", "--slide", "35"], ("--slide", "millimetres", "35mm")),
+        (["tripod", "--servo", "0:1,0,0"], ("--servo", "servo_0", "1 rad", "-2.1 to 0.6 rad")),
         (["tripod", "--servo", "0:0,0"], ("--servo", "'0:0,0'", "3 finite values")),
         (["tripod", "--slide", "0.01"], ("--slide", "--servo")),
         (["tripod", "--servo", "0:0,0,0", "--demo"], ("--demo", "--servo")),

@@ -1,6 +1,6 @@
 """What `ros2 node|topic|service|lifecycle|param|action` ask a running suite, by the calls of rclpy that they make.
 
-ROS 2's command line has no wheels; docs/ros.md lists what a person checks with it by hand.
+ROS 2's command line has no wheels; ros_table.md lists what a person checks with it by hand.
 """
 
 import os
@@ -87,7 +87,7 @@ class User:
 @pytest.fixture(scope="module")
 def user() -> Iterator[User]:
     """A user beside a suite in the namespace `left`."""
-    words = ["up", "--no-view", "--namespace", "left", "sim.set:=mesh.level=1", "driver.timeout:=5.0"]
+    words = ["up", "--no-view", "--namespace", "left", "--set", "mesh.level=1", "--set", "driver.timeout=5.0"]
     with own_domain() as domain:
         environment = {
             **os.environ,

@@ -26,13 +26,13 @@ pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]
 TRIPOD = [sys.executable, "-m", "tripod_bringup.cli"]
 PROGRAMS = {
-    "sim": ["scene:=silicone"],
+    "sim": ["silicone"],
     "ik": [],
-    "driver": ["port:=mock"],
+    "driver": ["--set", "port=mock"],
     "teleop": [],
-    "view": ["port:=0"],
+    "view": ["--set", "port=0"],
     "record": [],
-    "solve": ["--live"],
+    "play": ["--live"],
 }
 DEADLINE = 120.0  # [s], for a loaded machine
 
@@ -52,7 +52,7 @@ PARAMETER = {
     "teleop": ("speed", 0.25),
     "view": ("angle_speed", 2.0),
     "record": ("directory", ""),
-    "solve": ("use_sim_time", False),
+    "play": ("use_sim_time", False),
 }
 
 
@@ -158,7 +158,7 @@ def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
     ros = [word for remap in remaps for word in ("-r", remap)]
     ros += ["--params-file", str(file), "--log-level", "info"]
     node = f"/left/robot_{name}"
-    table = parameter_table(name) if name != "solve" else ()
+    table = parameter_table(name) if name != "play" else ()
     with running([name, *PROGRAMS[name], "--ros-args", *ros], domain) as process:
         with asking(domain) as asker:
             given = asker.dump(node)
@@ -178,7 +178,7 @@ def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
             assert {n: now[n] for n in changes} == {n: pytest.approx(v) for n, v in changes.items()}
         process.send_signal(2)
         _, said = process.communicate(timeout=DEADLINE)
-    assert process.returncode == (1 if name == "solve" else 0), said  # a game that is stopped is not won
+    assert process.returncode == (1 if name == "play" else 0), said  # a game that is stopped is not won
     assert "Traceback" not in said
 
 
@@ -204,7 +204,7 @@ def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
     ],
 )
 def test_words_that_are_wrong_end_in_one_line(ros: list[str], named: tuple[str, ...], domain: int) -> None:
-    words = [*TRIPOD, "driver", "port:=mock", "--ros-args", *ros]
+    words = [*TRIPOD, "driver", "--set", "port=mock", "--ros-args", *ros]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=DEADLINE)
     assert done.returncode == 2
     own = [line for line in done.stderr.splitlines() if not line.startswith("[")]  # those of rcl begin so
@@ -228,12 +228,12 @@ def test_a_parameter_file_that_is_wrong_ends_in_one_line(
     test_words_that_are_wrong_end_in_one_line(["--params-file", str(file)], named, domain)
 
 
-@pytest.mark.parametrize("name", ["teleop", "solve"])
+@pytest.mark.parametrize("name", ["teleop", "play"])
 def test_programs_with_more_than_a_node_refuse_a_namespace_that_is_none(name: str, domain: int) -> None:
     with running([name, *PROGRAMS[name], "--ros-args", "-r", "__ns:=/a b"], domain) as process:
         _, said = process.communicate(timeout=DEADLINE)
     assert process.returncode == 2
-    assert said.startswith(f"{name}: ")
+    assert said.startswith("solve: " if name == "play" else f"{name}: ")  # the name of the node
     assert_names(said, "namespace '/a b'")
     assert said.count("\n") == 1
 
@@ -241,7 +241,7 @@ def test_programs_with_more_than_a_node_refuse_a_namespace_that_is_none(name: st
 def test_a_file_of_another_robot_is_named(domain: int, tmp_path: Path) -> None:
     file = tmp_path / "right.yaml"
     file.write_text("/right/driver:\n  ros__parameters:\n    rate: 25.0\n", encoding="utf-8")
-    words = [*TRIPOD, "driver", "port:=mock", "--ros-args", "--params-file", str(file)]
+    words = [*TRIPOD, "driver", "--set", "port=mock", "--ros-args", "--params-file", str(file)]
     process = subprocess.Popen(words, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stderr is not None

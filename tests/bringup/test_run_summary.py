@@ -1,10 +1,10 @@
-"""The table of `tripod run`: the rows of the estimated error of the time steps."""
+"""The lines of `tripod run`: those for everybody, and those of `--verbose`."""
 
 import math
 from typing import Any
 
 from tests.messages import assert_names, names
-from tripod_bringup.run_summary import result_rows
+from tripod_bringup.run_summary import result_rows, summary_rows
 
 
 def rows(**more: Any) -> dict[str, str]:
@@ -34,7 +34,7 @@ def test_the_largest_error_of_the_run_is_told_in_millimetres() -> None:
 def test_a_local_estimate_tells_what_a_part_added() -> None:
     nothing = dict.fromkeys(("effector", "largest"), math.nan)
     found = rows(time_error=nothing | {"node": -1, "added": 2e-6})
-    assert_names(found["time error"], "step", "at most 0.002 mm", "not estimated")
+    assert_names(found["time error"], "step", "0.002 mm", "not estimated")
 
 
 def test_without_an_estimate_nothing_is_told() -> None:
@@ -63,3 +63,53 @@ def test_effects_are_named_without_costs() -> None:
     found = rows(figures={"accuracy": "not known", "effects": ["gravity", "inertia"], "stability": stable})
     assert found["effects"] == "gravity, inertia"
     assert not {"would add", "would save"} & found.keys()
+
+
+def short(**more: Any) -> dict[str, str]:
+    result = {
+        "scene": "cloth", "time": 0.1, "steps": 10, "dt": 0.01, "effector": None, "angles": [], "torques": [],
+        "energies": {"kinetic": 0.2, "strain": 0.1, "gravity": -0.4}, "step_ms": {"median": 25.0, "p99": 2.0},
+        "seconds": 0.256, "displacement": {"node": 3, "largest": 0.0413},
+    }  # fmt: skip
+    figures = {
+        "error": {"measured": 0.0131, "bound": 0.03},
+        "quantity": "the free corner",
+        "finer": "1%",
+        "accuracy": "",
+    }
+    return dict(summary_rows(result | {"figures": figures} | more, ["tripod", "run", "cloth"]))
+
+
+def test_the_measured_error_is_told_with_its_meaning_and_what_makes_it_smaller() -> None:
+    found = short()
+    assert_names(found["result"], "41.3 mm", "still moving")
+    assert_names(found["error"], "1.3 %", "converged solution", "measured", "the free corner")
+    assert not names(found["error"], 3, "%"), "no bound beside a measured value"
+    assert_names(found["cost"], "25 ms", "2.5 times slower")
+    assert_names(found["next"], "tripod run cloth --accuracy 1%")
+
+
+def test_an_error_that_nobody_measured_is_said_to_be_unknown_with_the_command_that_measures_it() -> None:
+    unknown = {
+        "error": {"measured": None, "bound": None},
+        "quantity": "",
+        "finer": None,
+        "accuracy": "not known",
+    }
+    found = short(figures=unknown)
+    assert_names(found["error"], "not known")
+    assert_names(found["next"], "tripod study cloth --quick")
+    estimated = short(
+        figures=unknown, time_error={"effector": 3e-5, "largest": 4e-5, "node": 7, "added": 1e-6}
+    )
+    assert_names(estimated["error"], "effector", "0.03 mm", "estimated")
+    assert not names(estimated["next"], "tripod study")
+
+
+def test_what_is_below_the_noise_is_not_shown() -> None:
+    found = short(displacement={"node": 3, "largest": 8e-9}, energies={"kinetic": 1e-12, "strain": 0.1})
+    assert_names(found["result"], "below 0.001 mm", "at rest")
+
+
+def test_a_motion_that_grows_leads_to_smaller_steps() -> None:
+    assert_names(short(instability="grew")["next"], "tripod run cloth --set dt=0.005")

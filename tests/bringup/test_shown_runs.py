@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.messages import assert_names, raises_naming
+from tests.messages import assert_names, line_naming, raises_naming
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene, scene_names
 from tripod_sim.recording import Recording
@@ -71,7 +71,7 @@ def test_a_run_writes_what_is_asked_and_says_so(tmp_path: Path) -> None:
     page, plot, out = (tmp_path / f"run.{kind}" for kind in ("html", "png", "npz"))
     result = tripod(*SHORT, "--html", str(page), "--plot", str(plot), "--out", str(out))
     assert result.exit_code == 0, result.output
-    assert re.search(r"^written +.*run\.html, 0\.\d\d MB$", result.output, re.MULTILINE)
+    assert re.search(r"^files +.*run\.html \(0\.\d+ MB\)", result.output, re.MULTILINE)
     assert "Simulated by tripod" in page.read_text()
     assert plot.read_bytes().startswith(b"\x89PNG")
     with np.load(out) as arrays:
@@ -132,7 +132,7 @@ def test_a_run_that_breaks_off_still_shows_how(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("content", "named"), [(None, ("No such file",)), (b"words", ("no recording", "run"))]
+    ("content", "named"), [(None, ("No such file",)), (b"words", ("not a recording", "run"))]
 )
 def test_what_cannot_be_shown_is_told(content: bytes | None, named: tuple[str, ...], tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
@@ -206,7 +206,7 @@ def test_a_run_can_be_watched_and_the_page_stays_until_ctrl_c() -> None:
     finally:
         process.kill()
     assert code == 0
-    assert "scene " in out
+    line_naming(out, "result", "largest displacement")
     assert errors == ""
 
 

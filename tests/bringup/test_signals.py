@@ -20,7 +20,7 @@ def check(words: tuple[str, ...], number: signal.Signals, delay: float, folder: 
 def test_the_first_tenth_of_a_second_is_no_exception(number: signal.Signals, tmp_path: Path) -> None:
     """The interpreter starts, and starts itself again; then the imports begin."""
     for delay in range(0, 100, 8):
-        check(QUICK["scenes"], number, delay / 1000, tmp_path)
+        check(QUICK["print scene"], number, delay / 1000, tmp_path)
 
 
 @pytest.mark.parametrize("name", sampled(QUICK, "run", "study"))

@@ -97,7 +97,7 @@ def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path, monkeypatch
     }
     assert_names(found["exit"]["message"], "process", "code 3")
     assert_names(found["kill"]["message"], "process", "code -9")
-    assert_names(found["hang"]["message"], "given up", "0.5 s")
+    assert_names(found["hang"]["message"], "stopped", "0.5 s")
     assert found["diverge"]["message"] == "element 7 is inverted", "in one line"
     assert found["ok"]["calibration"] > 0
 
@@ -351,7 +351,7 @@ def test_the_picture_names_the_fastest_and_what_none_reaches(
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
     draw(result, tmp_path / "toy.png")
     ok, front, fastest, none = (text.get_text() for text in drawn[0].legends[0].get_texts())
-    assert (ok, front) == ("ok", "front")
+    assert (ok, front) == ("ok", "best settings")
     assert_names(fastest, "fastest", "10, 5 %", "dt 0.2")
     assert_names(none, "none", "1, 0.1 %")
     axes = drawn[0].axes[0]

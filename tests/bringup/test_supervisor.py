@@ -182,7 +182,7 @@ def test_a_child_that_is_frozen_is_given_up_soon_and_one_that_waits_is_not(
 
     ending = supervisor.run(freeze)
     assert ending.code == 14
-    assert_names(ending.cause, "record", "stop", "0.6 s")  # not the 60 s that it might work to stop
+    assert_names(ending.cause, "record", "stopping", "0.6 s")  # not the 60 s that it might work to stop
     assert log.events()[-1] == "ended driver", "it was waited for, and the frozen one could not even hear"
     assert not any(map(alive, log.pids()))
 

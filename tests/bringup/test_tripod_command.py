@@ -33,6 +33,8 @@ RESULT = {
     "newton_iterations": 321,
     "halvings": 0,
     "residual": float("nan"),
+    "seconds": 0.11,
+    "displacement": {"node": 7, "largest": 0.0123},
     "step_ms": {"median": 0.5, "p99": 1.25},
 }
 
@@ -112,9 +114,23 @@ def test_run_prints_one_json_object_that_any_reader_takes(fake_run: FakeRun) -> 
     assert given.keys() == RESULT.keys()
 
 
+def test_run_ends_with_at_most_six_lines(fake_run: FakeRun) -> None:
+    written = [{"file": "run.npz", "bytes": 1230000}]
+    fake_run.result["written"] = written
+    lines = tripod("run", "tripod", "--set", "dt=0.005").stdout.splitlines()
+    rows = dict(re.split("  +", line, maxsplit=1) for line in lines)
+    assert list(rows) == ["result", "time", "error", "cost", "files", "next"]
+    assert_names(rows["result"], "effector", "1.00, 0.00, -8.25 mm", "-0.140, -0.140, -0.140 N m", "at rest")
+    assert_names(rows["time"], "1 s", "0.11 s", "200 steps of 5 ms")
+    assert_names(rows["error"], "not known")
+    assert_names(rows["cost"], "0.5 ms", "10 times faster")
+    assert_names(rows["files"], "run.npz", "1.2 MB")
+    assert_names(rows["next"], "tripod study tripod --set dt=0.005 --quick", "--view", "--verbose")
+
+
 def test_run_prints_a_table_for_people_and_nothing_when_quiet(fake_run: FakeRun) -> None:
     fake_run.result["residual"] = 2e-5
-    table = [re.split("  +", line) for line in tripod("run", "tripod").stdout.splitlines()]
+    table = [re.split("  +", line) for line in tripod("run", "tripod", "--verbose").stdout.splitlines()]
     expected = {
         "scene": ["tripod"],
         "time": ["1 s", "200 steps", "5 ms"],
@@ -136,7 +152,7 @@ def test_run_prints_a_table_for_people_and_nothing_when_quiet(fake_run: FakeRun)
 
 def test_a_scene_without_effector_and_servos_has_a_table_too(fake_run: FakeRun) -> None:
     fake_run.result.update(effector=None, angles=[], torques=[], residual=0.0)
-    names = [line.split("  ")[0] for line in tripod("run", "silicone").stdout.splitlines()]
+    names = [line.split("  ")[0] for line in tripod("run", "silicone", "--verbose").stdout.splitlines()]
     assert names == ["scene", "time", "energies", "residual", "solved by", "step took"]
 
 
@@ -145,7 +161,7 @@ def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
     contact = {"contacts": 12, "pressed": 8, "force": 17.658, "rounds": 3, "residual": 2.5e-7, "smallest_gap": -1e-6,
                "cut": 0.0}  # fmt: skip
     fake_run.result.update(effector=None, angles=[], torques=[], rigid=[body], contact=contact)
-    lines = tripod("run", "stack").stdout.splitlines()
+    lines = tripod("run", "stack", "--verbose").stdout.splitlines()
     rigid, contacts, gaps = (re.split("  +", line) for line in lines[2:5])
     assert (rigid[0], contacts[0], gaps[0]) == ("rigid.0", "contacts", "gaps")
     assert_names(rigid[1], "100.000, 0.000, 51.234 mm", "turned 90.00 degrees")
@@ -159,7 +175,7 @@ def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
         (SceneError("material.young is -1;\nit must be positive"), 2, ("material.young is -1",)),
         (StepError("element 7 inverted"), 1, ("element 7 inverted",)),
         (PermissionError(13, "Permission denied", "run.npz"), 2, ("run.npz", "permission denied")),
-        (OSError(28, "No space left", "run.npz"), 2, ("run.npz", "no space left", "make room")),
+        (OSError(28, "No space left", "run.npz"), 2, ("run.npz", "no space left", "free space")),
     ],
 )
 def test_run_tells_what_is_wrong_in_one_line(
@@ -194,7 +210,16 @@ def test_an_option_of_the_wrong_type_is_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [["run"], ["up"], ["doctor"], ["scenes"], ["bag", "info"], *[[n] for n in node_command.NODES]]
+    "words",
+    [
+        ["run"],
+        ["up"],
+        ["doctor"],
+        ["print", "scene"],
+        ["print", "maze"],
+        ["bag", "info"],
+        *[[n] for n in node_command.NODES],
+    ],
 )
 def test_every_command_has_help_with_examples(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(_name: str) -> tuple[()]:
@@ -235,7 +260,7 @@ def fake_node(monkeypatch: pytest.MonkeyPatch, name: str) -> list[list[str]]:
 def test_a_node_command_runs_the_node_and_returns_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     calls = fake_node(monkeypatch, "driver")
-    assert tripod("driver", "port:=mock").exit_code == 5
+    assert tripod("driver", "--set", "port=mock").exit_code == 5
     assert calls == [['port:="mock"']]
     tripod("driver", "--subnet")
     assert calls[1] == ["--subnet"]
@@ -244,17 +269,17 @@ def test_a_node_command_runs_the_node_and_returns_its_code(monkeypatch: pytest.M
 def test_a_node_command_refuses_what_the_node_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     calls = fake_node(monkeypatch, "driver")
-    result = tripod("driver", "prot:=mock")
+    result = tripod("driver", "--set", "prot=mock")
     assert result.exit_code == 2
     assert_names(result.stderr, "'prot'", "'port'")
-    assert tripod("driver", "port").exit_code == 2
+    assert tripod("driver", "--set", "port").exit_code == 2
     assert calls == []
 
 
 def test_scenes_are_listed_with_what_they_are() -> None:
-    lines = tripod("scenes").stdout.splitlines()
+    lines = tripod("print", "scene").stdout.splitlines()
     assert {line.split()[0] for line in lines} >= {"silicone", "tripod"}
-    listing = json.loads(tripod("scenes", "--json").stdout)
+    listing = json.loads(tripod("print", "scene", "--json").stdout)
     assert {entry["name"] for entry in listing} >= {"silicone", "tripod"}
     assert all(entry["description"] for entry in listing)
 
@@ -291,7 +316,7 @@ def test_up_passes_its_options_on_and_returns_the_code(options: list[Any]) -> No
         "--duration",
         "3",
     ]
-    assert tripod("up", *words, "--subnet", "--namespace", "left", "driver.rate:=25").exit_code == 12
+    assert tripod("up", *words, "--subnet", "--namespace", "left", "--set", "driver.rate=25").exit_code == 12
     given = options[0]
     assert (given.record, given.view, given.view_port) == (Path("bags"), False, 9000)
     assert (given.duration, given.subnet, given.demo, given.namespace) == (3.0, True, False, "/left")
@@ -312,18 +337,21 @@ def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]
         (["--scene", "tirpod"], ["'tirpod'", "'tripod'"]),
         (["--duration", "nan"], ["--duration"]),
         (["--duration", "inf"], ["--duration"]),
-        (["drvier.rate:=1"], ["'drvier'", "'driver'"]),
-        (["driver.angle_mx:=3"], ["'angle_mx'", "'angle_max'"]),
-        (["record.max_size:=5"], ["record.max_size", "--record DIR"]),
+        (["--set", "drvier.rate=1"], ["'drvier'", "'driver'"]),
+        (["--set", "driver.angle_mx=3"], ["'angle_mx'", "'angle_max'"]),
+        (["--set", "record.max_size=5"], ["record.max_size", "--record DIR"]),
         (["--port", "com1"], ["driver", "port 'com1'", "mock, pty, auto", "/dev/ttyACM0"]),
-        (["driver.calibration:=gone.yaml"], ["driver", "gone.yaml", "No such file", "tripod calibrate"]),
-        (["cross", "driver.start:=[0, 0, 0]"], ["driver", "'start'", "3 values", 4]),
-        (["ik.weights:=[1]"], ["ik", "'weights'", "1 values", 3, "x, y, z"]),
-        (["ik.scene:=gone"], ["ik", "scene 'gone'", ".toml"]),
-        (["ik.posterior:=gone"], ["ik", "'posterior'", "gone", "No such file"]),
-        (["sim.accuracy:=much"], ["sim", "accuracy", "'much'"]),
-        (["sim.study:=gone"], ["sim", "study 'gone'", "No such file"]),
-        (["view.target_low:=[1, 0, 0]"], ["view", "target_low", "[1.0, 0.0, 0.0]", "target_high"]),
+        (
+            ["--set", "driver.calibration=gone.yaml"],
+            ["driver", "gone.yaml", "No such file", "tripod calibrate"],
+        ),
+        (["cross", "--set", "driver.start=[0, 0, 0]"], ["driver", "'start'", "3 values", 4]),
+        (["--set", "ik.weights=[1]"], ["ik", "'weights'", "1 values", 3, "x, y, z"]),
+        (["--set", "ik.scene=gone"], ["ik", "scene 'gone'", ".toml"]),
+        (["--set", "ik.posterior=gone"], ["ik", "'posterior'", "gone", "No such file"]),
+        (["--set", "sim.accuracy=much"], ["sim", "accuracy", "'much'"]),
+        (["--set", "sim.study=gone"], ["sim", "study 'gone'", "No such file"]),
+        (["--set", "view.target_low=[1, 0, 0]"], ["view", "target_low", "[1.0, 0.0, 0.0]", "target_high"]),
         (["--view-port", "70000"], ["--view-port", 65535]),
         (["--namespace", "9left"], ["namespace '9left'", "letters, digits and _"]),
     ],
@@ -342,7 +370,7 @@ def test_looking_at_the_driver_writes_nothing(
 ) -> None:
     """What it keeps of a board is left alone: a port may be another's."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert tripod("up", "driver.start:=[0, 0, 0]").exit_code == 12
+    assert tripod("up", "--set", "driver.start=[0, 0, 0]").exit_code == 12
     assert len(options) == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -370,7 +398,8 @@ def test_help_imports_neither_ros_nor_numpy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "code"), [(["--help"], 141), (["parameters", "driver"], 141), (["scenes", "nosuch"], 2)]
+    ("words", "code"),
+    [(["--help"], 141), (["print", "parameters", "driver"], 141), (["print", "scene", "nosuch"], 2)],
 )
 def test_a_reader_that_left_is_told_by_one_exit_code_whatever_library_notices(
     words: list[str], code: int

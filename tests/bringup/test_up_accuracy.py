@@ -39,8 +39,8 @@ def test_the_setting_comes_before_what_the_user_sets(study: Path) -> None:
     assert not isinstance(values["sim"]["set"], RawYaml), "it is text, whatever YAML would make of it"
     assert values["sim"]["study"] == str(study), "it tells the simulator what is cheaper"
     assert_names(sentence, "study", "dt=0.004", "solver.mode=newton")
-    assert not names(settle("tripod", {}, "5%", study), "not seen"), "which the study has measured"
-    assert_names(sentence, "not seen")
+    assert not names(settle("tripod", {}, "5%", study), "not made with"), "which the study has measured"
+    assert_names(sentence, "not made with")
     assert values["view"] == {"port": "1"}
 
 
@@ -51,7 +51,7 @@ def test_without_an_accuracy_nothing_is_touched() -> None:
 
 
 def test_what_is_wrong_is_named(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with raises_naming(ValueError, "sim.set:=[", "YAML"):
+    with raises_naming(ValueError, "--set sim.set=[", "YAML"):
         settle("tripod", {"sim": {"set": RawYaml("[")}}, "5%", study)
     with raises_naming(SceneError, "--study", "--accuracy"):
         settle("tripod", {}, None, study)

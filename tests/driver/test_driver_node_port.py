@@ -226,7 +226,7 @@ def test_after_kill_9_on_a_port_that_resets_nothing_the_workshops_servos_creep_f
     start_driver(*words, program=NODE)
     operator.ready()
     assert not operator.status.place_known
-    messages.assert_names(operator.status.message, "nobody knows", "servos")
+    messages.assert_names(operator.status.message, "unknown", "servos")
     client.wait(
         lambda: len(board.packets) > count + 20, "motion", meanwhile=lambda: operator.send([-1.5] * 3)
     )
@@ -298,7 +298,7 @@ def test_a_port_that_is_no_robot_is_told_and_gets_no_packet(
         answering.say(b"$GPGGA,123519,4807.038,N,01131.000,E*47\r\n")
         operator.send([-0.4] * 3)
 
-    reason = (answering.path, "'$GPGGA,", "hello", "port")
+    reason = (answering.path, "'$GPGGA,", "answer", "port")
     client.wait(lambda: messages.names(operator.status.message, *reason), "the reason", meanwhile=disturb)
     assert operator.status.state in (operator.status.DISCONNECTED, operator.status.CONNECTING)
     assert operator.status.packets_sent == 0
@@ -321,7 +321,7 @@ def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
     driver = start_driver(f"port:={answering.path}", "boot_time:=0")
     operator.wait_state(6, "the fault")
     messages.assert_names(
-        operator.status.message, answering.path, "firmware", "version 7", "driver 2", "flash"
+        operator.status.message, answering.path, "firmware", "version 7", "driver version 2", "flash"
     )
     answering.firmware.version = VERSION  # flashed: the port was free for that
     assert change(Transition.TRANSITION_DEACTIVATE)
@@ -332,7 +332,7 @@ def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
     client.wait(
         lambda: operator.status.state in (operator.status.HOLDING, operator.status.PARKED), "the cure"
     )
-    messages.assert_names(operator.status.message, "nobody knows", "20 degrees a second")
+    messages.assert_names(operator.status.message, "unknown", "20 degrees a second")
     operator.ready()
     client.wait(
         lambda: answering.firmware.history,

@@ -237,7 +237,7 @@ def test_the_watchdog_of_the_board_interrupts_the_motion() -> None:
     bench.clock.now += 0.8  # the computer stalled
     bench.run(0.05)
     assert bench.safety.state is State.HOLDING
-    assert_names(bench.safety.message, "board", "watchdog's")
+    assert_names(bench.safety.message, "board", "watchdog")
     assert np.diff([a[0] for _, a in bench.sent[-4:]]).min() >= -2.0 * (0.04 + 0.02) - 1e-3
 
 
@@ -312,7 +312,7 @@ def test_servos_move_however_late_the_board_answers(delay: float) -> None:
         bench.run(0.1)
     assert bench.sent[-1][1] == pytest.approx((-0.8, -0.7, -0.6), abs=1e-3)
     assert bench.safety.state is State.ACTIVE
-    assert names(bench.driver.message, "board answers", "ms") == (delay > SLOW)
+    assert names(bench.driver.message, "to answer", "ms") == (delay > SLOW)
 
 
 def test_a_loss_is_told_by_the_status() -> None:

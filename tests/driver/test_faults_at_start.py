@@ -42,15 +42,15 @@ class Talker:
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 SENT = "'$GPGGA,123519,4807.038,N'..."
 STRANGERS = [
-    ("framed", Talker(GPS), (SENT, "hello", "port", "baud", "firmware")),
-    ("framed", Talker(echo=True), ("no robot", "port:=PATH")),
-    ("framed", Talker(), ("hello", "firmware", "baud", "protocol:=legacy")),
-    ("framed", Talker(b"\x8f\x03\xfe"), ("'\\x8f\\x03\\xfe", "hello")),
-    ("legacy", Talker(GPS), (SENT, "workshop's firmware", "port, baud and protocol")),
+    ("framed", Talker(GPS), (SENT, "answer", "port", "baud", "firmware")),
+    ("framed", Talker(echo=True), ("not the robot", "--set port=PATH")),
+    ("framed", Talker(), ("no answer", "firmware", "baud", "--set protocol=legacy")),
+    ("framed", Talker(b"\x8f\x03\xfe"), ("'\\x8f\\x03\\xfe", "answer")),
+    ("legacy", Talker(GPS), (SENT, "workshop's firmware", "baud rate and protocol")),
     ("legacy", Talker(GPS[:5]), ("'$GPGG$GPGG$GPGG$GPGG$GPG'...", "workshop's firmware")),
-    ("ascii", Talker(GPS), (SENT, "no IMU", "port, baud and protocol")),
-    ("ascii", Talker(b"\xff\x00"), ("'\\xff\\x00", "no IMU")),
-    ("framed_or_legacy", Talker(GPS), (SENT, "hello")),
+    ("ascii", Talker(GPS), (SENT, "not an IMU", "baud rate and protocol")),
+    ("ascii", Talker(b"\xff\x00"), ("'\\xff\\x00", "not an IMU")),
+    ("framed_or_legacy", Talker(GPS), (SENT, "answer")),
 ]
 """Protocol, device, and what the message names."""
 
@@ -78,15 +78,15 @@ def test_a_modem_that_returns_what_it_hears_is_named_after_the_first_of_the_work
     bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 100.0)
     bench.run(0.4, bench.stream)
     assert bench.safety.state is State.DISCONNECTED
-    assert_names(bench.safety.message, "mock", "no robot", "port:=PATH", "next attempt", "0.5 s")
+    assert_names(bench.safety.message, "mock", "not the robot", "--set port=PATH", "next attempt", "0.5 s")
     assert len(bench.sent) == 1
 
 
 @pytest.mark.parametrize(
     ("changed", "named"),
     [
-        ({"protocol": 1}, ("firmware", "version 1", "driver 2", "make -C firmware", "tripod flash")),
-        ({"protocol": 3}, ("firmware", "version 3", "driver 2", "program", "flash")),
+        ({"protocol": 1}, ("firmware", "version 1", "driver version 2", "make -C firmware", "tripod flash")),
+        ({"protocol": 3}, ("firmware", "version 3", "driver version 2", "program", "flash")),
         ({"servo_count": 2}, ("firmware", "2 servos", "robot has 3", "tripod flash")),
         ({"pulse_max": 20000}, ("servo_0", "2400.0 us", "0 rad", "500 to 2000 us", "calibrate")),
         ({"pulses": (6000, 20000, 20000)}, ("servo_0", "-3.047 rad", "-2.1 to 0 rad", "switch", "calibrate")),
@@ -111,7 +111,7 @@ def test_a_board_that_must_not_be_driven_is_a_fault(changed: dict, named: tuple[
 def test_another_version_of_the_protocol_is_a_fault() -> None:
     bench = Bench(MockBoard(version=7)).run(0.5)
     assert bench.safety.state is State.FAULT
-    assert_names(bench.safety.message, "mock", "version 7", "driver 2")
+    assert_names(bench.safety.message, "mock", "version 7", "driver version 2")
     bench.board.version = VERSION
     bench.run(3.0)
     assert bench.port.opened == 1  # nobody tries again by himself

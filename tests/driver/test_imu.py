@@ -114,4 +114,4 @@ def test_an_imu_that_stutters_is_forgiven_one_that_only_babbles_is_not() -> None
     assert session.diagnostics == {"IMU lines": 100, "bad lines": 500}
     session.hear(b"oops\r\n" * 30, 1.0)
     assert session.state is SessionState.LOST
-    assert_names(session.message, "'oops\\r'", "no IMU", "port, baud and protocol")
+    assert_names(session.message, "'oops\\r'", "not an IMU", "baud rate and protocol")

@@ -71,7 +71,7 @@ def test_a_damaged_file_is_told_in_one_line_and_made_anew(content: bytes, file: 
     file.write_bytes(content)
     memory = remembering(file.parent)
     assert memory.recall() == (None, False)
-    assert_names(memory.warning, file, "damaged", "nobody knows", "servos")
+    assert_names(memory.warning, file, "damaged", "unknown", "servos")
     assert "\n" not in memory.warning
     memory.keep(PULSES)
     assert remembering(file.parent).recall() == (PULSES, True)

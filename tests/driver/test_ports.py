@@ -120,7 +120,7 @@ def test_serial_port_that_takes_no_bytes_fails_within_the_time_out(board, monkey
     monkeypatch.setattr(serial.serialposix, "select", SimpleNamespace(select=wait, error=select.error))
     with (
         SerialPort(board.path, write_timeout=0.05) as port,
-        raises_naming(PortError, board.path, "no bytes", "0.05 s", "board"),
+        raises_naming(PortError, board.path, "no data", "0.05 s", "board"),
     ):
         for _ in range(100):
             port.write(bytes(65536))
@@ -183,7 +183,7 @@ def test_a_file_is_no_serial_port(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(b"")
     for path in (file, tmp_path, Path("/dev/null")):
-        with raises_naming(PortError, path, "no serial port", "serial ports:"):
+        with raises_naming(PortError, path, "not a serial port", "serial ports:"):
             SerialPort(str(path)).open()
 
 
@@ -268,7 +268,7 @@ def test_the_only_known_board_is_found() -> None:
     ],
 )
 def test_no_board_or_several_are_listed(there: list[FoundPort], named: tuple[str, ...]) -> None:
-    with raises_naming(PortError, *named, "port:=PATH") as caught:
+    with raises_naming(PortError, *named, "--set port=PATH") as caught:
         find_board(there)
     listed = [port.device for port in (UNO, CH340, PHONE, BUILT_IN) if port.device in str(caught.value)]
     assert len(listed) == min(len(there), 2)  # the phone is no board

@@ -78,8 +78,8 @@ def test_ranges_are_those_of_the_bytes() -> None:
 @pytest.mark.parametrize(
     ("given_angles", "named"),
     [
-        ([0.0, math.nan, 0.0], ("servo 1", "nan", "finite")),
-        ([0.0, 0.0, -math.inf], ("servo 2", "-inf", "finite")),
+        ([0.0, math.nan, 0.0], ("servo_1", "nan", "finite")),
+        ([0.0, 0.0, -math.inf], ("servo_2", "-inf", "finite")),
         ([0.0, 0.0], ("2 angles", 3)),
         ([0.0] * 4, ("4 angles", 3)),
     ],
@@ -92,9 +92,9 @@ def test_encode_refuses_by_value(given_angles: list[float], named: tuple[object,
 @pytest.mark.parametrize(
     ("packet", "named"),
     [
-        ([255, 59, 150, 150], ("servo 0", 59, "60 to 180")),
-        ([255, 150, 150, 181], ("servo 2", 181, "60 to 180")),
-        ([255, 150, 255, 150], ("servo 1", 255, "60 to 180")),
+        ([255, 59, 150, 150], ("servo_0", 59, "60 to 180")),
+        ([255, 150, 150, 181], ("servo_2", 181, "60 to 180")),
+        ([255, 150, 255, 150], ("servo_1", 255, "60 to 180")),
         ([254, 150, 150, 150], (254, 255)),
         ([255, 150, 150], ("3 bytes", 4)),
         ([], ("0 bytes", 4)),

@@ -1,20 +1,18 @@
 """docs/robot.md tells what the code does: its example, its figures, its messages."""
 
-import math
 import re
 from pathlib import Path
 
 import pytest
 
-from tests.messages import line_naming, raises_naming
+from tests.messages import line_naming
 from tripod_driver import framed_session
 from tripod_driver.calibration import Calibration
 from tripod_driver.calibration_file import parse_calibration
 from tripod_driver.calibrator import SPEED
 from tripod_graph.cdr import MOST_POINTS
-from tripod_graph.command import LATE, CommandError, CommandFollower, CommandLimits
+from tripod_graph.command import LATE
 from tripod_graph.mode import LEASE
-from tripod_graph.names import SERVOS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "robot.md").read_text()
@@ -23,15 +21,7 @@ SOURCES = "".join(
     for part in ("tripod_driver", "tripod_graph")
     for path in sorted((ROOT / part).rglob("*.py"))
 )
-MESSAGES = re.findall(r"^\| `(.*?)` \| (?!`)", PAGE, re.MULTILINE)
-REFUSED = {
-    "elbow": (["elbow", *SERVOS], [0.0], [[0.0] * 4]),
-    "servo_2": (SERVOS[:2], [0.0], [[0.0] * 2]),
-    "twice": ([*SERVOS, "servo_1"], [0.0], [[0.0] * 4]),
-    "point 1": (SERVOS, [1.0, 0.5], [[0.0] * 3] * 2),
-    "nan": (SERVOS, [0.0], [[math.nan, 0.0, 0.0]]),
-}
-"""Commands that are refused, by what the reason names."""
+MESSAGES = re.findall(r"^\| `(.*?)` \| (?!`)", PAGE.partition("## What it says")[2], re.MULTILINE)
 
 
 def test_the_example_is_the_calibration_of_a_servo_as_the_workshop_mounts_it() -> None:
@@ -51,13 +41,6 @@ def test_each_message_is_one_that_the_driver_says(message: str) -> None:
 
 def test_there_are_messages() -> None:
     assert len(MESSAGES) > 15
-
-
-@pytest.mark.parametrize("named", REFUSED)
-def test_refused_commands_are_told_as_the_page_says(named: str) -> None:
-    with raises_naming(CommandError, named) as refused:
-        CommandFollower(CommandLimits()).check(*REFUSED[named])
-    assert f"| `{refused.value}` |" in PAGE
 
 
 def test_the_figures_are_those_of_the_code() -> None:

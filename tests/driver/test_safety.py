@@ -173,7 +173,7 @@ def test_from_outside_of_the_limits_it_ramps_in_instead_of_jumping() -> None:
 def test_where_nobody_knows_the_place_it_says_so_and_creeps_to_the_first_pose() -> None:
     safety = ready(make(), place=Place((-1.0, -1.0, -1.0)))
     assert not safety.place_known
-    assert_names(safety.message, "nobody knows", "servos", "20 degrees a second")
+    assert_names(safety.message, "unknown", "servos", "20 degrees a second")
     for k in range(100):  # a stream, as of inverse kinematics
         goto(safety, [-0.6, -1.1, -1.0], PERIOD * k, 0.1)
         run(safety, PERIOD * k, PERIOD)

@@ -66,7 +66,7 @@ def test_a_driver_of_five_servos_follows_five_joints_and_refuses_three(tmp_path,
 
 @pytest.mark.parametrize("protocol", ["legacy", "ascii", "framed_or_legacy"])
 def test_packets_of_the_workshop_are_for_three(protocol: str) -> None:
-    with raises_naming(ValueError, "'servos'", 4, f"protocol {protocol}", 3, "protocol:=framed"):
+    with raises_naming(ValueError, "'servos'", 4, f"protocol {protocol}", 3, "--set protocol=framed"):
         driver_of(servos=4, protocol=protocol)
 
 

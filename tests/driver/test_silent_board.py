@@ -54,7 +54,7 @@ def test_after_kill_9_on_a_port_that_resets_nothing_it_begins_at_the_last_packet
     first = moved(driven(tmp_path, protocol))
     second = driven(tmp_path, protocol)  # the first is dropped in the midst of it
     assert not second.safety.place_known
-    assert_names(second.driver.message, "nobody knows", "servos", "20 degrees")
+    assert_names(second.driver.message, "unknown", "servos", "20 degrees")
     assert second.sent == []
     second.run(1.0, lambda: second.goto(-0.2, -0.2, -0.2))
     assert second.sent[0][1] == first.sent[-1][1]

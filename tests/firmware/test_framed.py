@@ -222,7 +222,7 @@ def test_a_frame_as_long_as_allowed_passes_and_one_longer_does_not() -> None:
     [
         (lambda: encode(Hello(), 256), ("sequence", 256, "0 to 255")),
         (lambda: encode(Hello(), -1), ("sequence", -1, "0 to 255")),
-        (lambda: SetPulses((0, 65536, 0)), ("pulse", "servo 1", 65536, "0 to 65535")),
+        (lambda: SetPulses((0, 65536, 0)), ("pulse", "servo_1", 65536, "0 to 65535")),
         (lambda: SetPulses(()), ("0 pulses", "1 to 10")),
         (lambda: SetPulses((0,) * 11), ("11 pulses", "1 to 10")),
         (lambda: Error(ErrorCode.TYPE, 256, 0), ("type", 256, "0 to 255")),

@@ -36,7 +36,7 @@ def test_it_is_made_and_one_that_cannot_be_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 @pytest.mark.parametrize(
-    "words", [["up", "--no-view"], ["driver", "port:=mock"]], ids=["tripod up", "driver"]
+    "words", [["up", "--no-view"], ["driver", "--set", "port=mock"]], ids=["tripod up", "driver"]
 )
 def test_without_a_place_one_line_says_so(words: list[str], domain: int) -> None:
     pytest.importorskip("rclpy")

@@ -242,7 +242,7 @@ def test_a_silent_operator_is_lost_after_its_lease() -> None:
     assert not tracker.lapse(LEASE)
     assert tracker.lapse(LEASE + 0.01)
     assert (tracker.mode, tracker.lost) == (Mode.STOP, "a")
-    assert_names(next(tracker.notices(2.0)), "operator 'a'", "silent", "parks")
+    assert_names(next(tracker.notices(2.0)), "operator 'a'", "silent", "park pose")
     assert not tracker.lapse(LEASE + 0.02)
 
 
@@ -284,7 +284,7 @@ def test_only_the_operator_in_charge_is_obeyed_and_others_are_named() -> None:
     heard(tracker, Decision(1, "a", 990.0))
     assert tracker.admits("a", 0.1) == ""
     assert_names(tracker.admits("b", 0.2), "'b'", "ignored", "'a' is in charge")
-    assert_names(tracker.admits("", 0.3), "nobody", "header.frame_id", "'a' is in charge")
+    assert_names(tracker.admits("", 0.3), "no name", "header.frame_id", "'a' is in charge")
     assert tracker.ignored_commands.count == 3
     assert dict(tracker.ignored_commands.sources) == {"a": 1, "b": 1, "": 1}
     assert next(tracker.notices(0.4)) == tracker.ignored_commands.last

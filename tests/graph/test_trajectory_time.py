@@ -59,10 +59,10 @@ def test_one_that_began_a_moment_ago_is_where_it_should_be_by_now() -> None:
 @pytest.mark.parametrize(
     ("age", "named"),
     [
-        (LATE + 0.01, ("begun", "0.510 s", "0.5 s")),
-        (7200.0, ("begun", "7200.000 s")),
-        (math.nan, ("begun", "nan s")),
-        (-LONGEST_TRAJECTORY - 1, ("begins", "601 s", "600 s")),
+        (LATE + 0.01, ("started", "0.510 s", "0.5 s")),
+        (7200.0, ("started", "7200.000 s")),
+        (math.nan, ("started", "nan s")),
+        (-LONGEST_TRAJECTORY - 1, ("starts", "601 s", "600 s")),
         (-LONGEST_TRAJECTORY + 0.5, ("time", "point 0", "1 s", "0 to 0.5 s")),
     ],
 )

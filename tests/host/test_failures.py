@@ -46,7 +46,7 @@ def test_where_compiled_loops_do_not_fit_the_place_and_the_variable_are_named(tm
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
 def test_a_full_disk_is_told_with_the_file_and_what_to_do(number: int) -> None:
     error = OSError(number, os.strerror(number), "/big/run.npz")
-    assert_names(failure_words(error), "/big/run.npz", "make room", "another")
+    assert_names(failure_words(error), "/big/run.npz", "free space", "another")
     assert os.strerror(number) in failure_words(error)
     named = OSError(number, reason(error), "/big/run.npz")
     assert failure_words(named) == failure_words(error), "the remedy is told once"

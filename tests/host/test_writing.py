@@ -114,7 +114,7 @@ def test_what_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
         file.write(b"half")
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert caught.value.filename == str(path), "the file is named, where the system named none"
-    assert_names(caught.value.strerror, "make room", "another")
+    assert_names(caught.value.strerror, "free space", "another")
     assert path.read_text() == "old" and names(tmp_path) == ["out"]
 
 

@@ -50,7 +50,7 @@ def test_renaming_makes_a_column_known() -> None:
         (["servo_0_rad", "effector.x"], 1, ("'effector.x'", "no unit", "effector.x_mm")),
         (["effector.x_rad"], 0, ("'effector.x_rad'", "angle", "length: m, cm, mm")),
         (["servo_0_mm", "effector.x_mm"], 1, ("'servo_0_mm'", "length", "angle")),
-        (["effector.x_mm", "effector_x_m"], 0, ("'effector_x_m'", "second")),
+        (["effector.x_mm", "effector_x_m"], 0, ("'effector_x_m'", "another column")),
         (["servo_0_rad", "servo_1_rad", "effector.x_mm"], 3, ("servo_0, servo_1", "3 servos")),
         (["servo_1_rad", "effector.x_mm"], 1, ("servo_1", "1 servos")),
         (["t_s", "sofa_x_mm"], 0, ("effector, imu, tip", "sofa_x_mm", "--rename OLD=NEW")),
@@ -73,7 +73,7 @@ def test_a_wrong_header_is_one_line(header: list[str], servos: int, named: tuple
         ("t_s,tip.z_mm\n0,1\n0.1,-1e300\n", ("line 3", "tip.z", "-1e+297 m", "-1000 to 1000")),
         ("tip.z_mm\nnan\n\n", ("all measured values", "missing")),
         ("tip.z_mm\n", ("d.csv", "1 lines", "header", "one row")),
-        ("slide_mm,tip.z_mm\n1,2\n", ("servos", "scene 'beam'", "another robot's")),
+        ("slide_mm,tip.z_mm\n1,2\n", ("servos", "scene 'beam'", "another robot")),
     ],
 )
 def test_wrong_rows_are_one_line(text: str, named: tuple[object, ...], tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def test_what_other_meshes_make_is_not_believed_far_from_where_it_was_found(
     why = _too_far(both, SimpleNamespace(wanted=wanted))
     assert bool(why) == bool(times)
     if times:
-        assert_names(why, "servos.zero.0", times, "plausible width")
+        assert_names(why, "servos.zero.0", times, "plausible range")
 
 
 def test_exact_data_give_back_the_values_exactly() -> None:
@@ -113,7 +113,7 @@ def test_wrong_rows_do_not_move_the_modulus() -> None:
     assert values[1] != values[0]
     assert {8, 24} <= set(result.fit.outliers)
     assert len(result.fit.outliers) < 4
-    line_naming("\n".join(result.notes), f"{len(result.fit.outliers)} of 40 rows", "6 sigma")
+    line_naming("\n".join(result.notes), f"{len(result.fit.outliers)} of 40 rows", "6 standard deviations")
 
 
 @pytest.mark.slow
@@ -134,14 +134,14 @@ def test_five_in_a_hundred_wrong_poses_do_not_move_the_modulus_of_a_robot() -> N
         result = identify(scene, replace(data, values=values), (), wanted)
         assert result.found[0].value == pytest.approx(right, rel=0.02)
         assert result.fit.outliers == tuple(k + 1 for k in bad)
-        line_naming("\n".join(result.notes), "2 of 40 rows", "6 sigma")
+        line_naming("\n".join(result.notes), "2 of 40 rows", "6 standard deviations")
 
 
 def test_a_column_in_another_unit_is_named(poses: Measured) -> None:
     wrong = replace(poses, values=poses.values * np.where(np.arange(6) == 2, 1000.0, 1.0))
     result = identify(tripod("servos.slide=0.02"), wrong, (), Wanted(("servos.zero",), **QUICK))
     notes = "\n".join(result.notes)
-    line_naming(notes, "effector.z", "6 sigma", "20 of 20 rows", "unit", "--align")
+    line_naming(notes, "effector.z", "6 standard deviations", "20 of 20 rows", "unit", "--align")
     assert not lines_naming(notes, "effector.x")
 
 
@@ -182,7 +182,7 @@ def test_what_only_counts_together_is_not_told_apart() -> None:
     assert [f.parameter.name for f in result.found] == ["material.young"]
     assert result.found[0].value == pytest.approx(240e3, rel=0.01)
     assert result.untold[0].parameter.name == "material.density"
-    assert_names(result.untold[0].why, "material.young", "the same")
+    assert_names(result.untold[0].why, "material.young", "the same effect")
     known = {"material.density": Prior(1070.0, 20.0)}
     both = identify(scene, data, (), Wanted(("material.young", "material.density"), priors=known, mesh=False))
     assert not both.untold
@@ -203,7 +203,7 @@ def test_a_value_at_its_bound_is_not_told(poses: Measured) -> None:
     data = measured(robot(tripod(), {"servos.slide": 0.0}), commands(8)[0] * 0.3, None)
     biased = replace(data, values=data.values - 1e-4 * (np.arange(6) == 2))
     result_of = lambda names: identify(tripod("servos.slide=0.001"), biased, (), Wanted(names, **QUICK))  # noqa: E731
-    with raises_naming(FitError, "servos.slide", "bound", "0 m"):
+    with raises_naming(FitError, "servos.slide", "limit", "0 m"):
         result_of(("servos.slide",))
 
 

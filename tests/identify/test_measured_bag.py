@@ -120,9 +120,9 @@ def test_the_imu_tells_orientations_alone(tmp_path: Path) -> None:
         (
             {"joints": ("servo_0", "servo_1", "slide")},
             "tripod",
-            ("'tripod'", "servo_0, servo_1, servo_2", "another robot's"),
+            ("'tripod'", "servo_0, servo_1, servo_2", "another robot"),
         ),
-        ({}, "cross", ("'cross'", "servo_0, servo_1, servo_2, servo_3", "another robot's")),
+        ({}, "cross", ("'cross'", "servo_0, servo_1, servo_2, servo_3", "another robot")),
         ({}, "silicone", ("'silicone'", "no effector")),
         ({"seen": ()}, "tripod", ("no measured pose", "robot/effector_pose, robot/imu")),
         (

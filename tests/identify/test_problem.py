@@ -1,5 +1,7 @@
 """Derivatives of predictions, against differences of whole solutions; what cannot be fitted is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -61,11 +63,14 @@ def test_a_motion_answers_to_damping_and_its_start() -> None:
 @pytest.mark.parametrize(
     ("name", "named"),
     [
-        ("material.yuong", ("'yuong'", "law, young", "'young'")),
-        ("material.law", ("'neo_hooke'", "no number")),
-        ("material.density", ("None", "no number", "a value")),
+        ("material.yuong", ("'yuong'", "material.young?")),
+        ("material.law", ("'neo_hooke'", "not a number", "material.young")),
+        ("material.density", ("no value", "--set material.density=")),
         ("mesh.level", ("whole number", 8)),
-        ("time_error.tolerance", ("time_error", "'tolerance'", "off")),
+        ("time_error.tolerance", ("'tolerance'", "time_error is off", "[time_error]")),
+        ("servo.zero", ("'zero'", "servos.zero?")),
+        ("zero", ("'zero'", "servos.zero?")),
+        ("gravity.acceleration", ("3 numbers", "gravity.acceleration.2?")),
         ("servos.zero.3", ("servos.zero", "0, 1, 2")),
         ("frame.q", ("frame", "x, y, z", "rx, ry, rz")),
     ],
@@ -74,6 +79,8 @@ def test_what_is_no_value_is_named(name: str, named: tuple[object, ...]) -> None
     with raises_naming(DataError, f"--fit {name}", *named) as error:
         parameters(tripod(), [name])
     assert "\n" not in str(error.value)
+    for meant in re.findall(r"did you mean (\S+)\?", str(error.value)):
+        assert parameters(tripod(), [meant])
 
 
 def test_values_that_the_data_have_nothing_to_do_with_are_refused() -> None:

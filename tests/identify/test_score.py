@@ -106,7 +106,7 @@ def test_alignment_takes_away_what_it_names_and_no_more(seen: Measured) -> None:
 
 
 def test_rigid_needs_three_places(seen: Measured) -> None:
-    with raises_naming(DataError, "--align rigid", "three whole places", "have 2"):
+    with raises_naming(DataError, "--align rigid", "x, y and z", "have 2"):
         score(seen.values[:2], seen.rows(np.arange(6) < 2), "rigid")
 
 
@@ -144,6 +144,6 @@ def test_the_command_tells_and_writes(
     away = none | {"report": tmp_path / "gone" / "s.html"}
     assert score_command("tripod", path, align="none", as_json=False, quiet=True, **more, **away) == 2
     bent, pendulum, gone = capsys.readouterr().err.splitlines()
-    assert_names(bent, "tripod score: ", "--align", "'bent'", "none, translation, rigid")
-    assert_names(pendulum, "tripod score: ", "servo_0, servo_1, servo_2", "0 servos")
-    assert_names(gone, "tripod score: ", away["report"], f"no directory {tmp_path}/gone")
+    assert_names(bent, "tripod identify: ", "--align", "'bent'", "none, translation, rigid")
+    assert_names(pendulum, "tripod identify: ", "servo_0, servo_1, servo_2", "0 servos")
+    assert_names(gone, "tripod identify: ", away["report"], f"no directory {tmp_path}/gone")

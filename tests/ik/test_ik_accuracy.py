@@ -41,8 +41,8 @@ def test_what_the_study_has_not_seen_is_named() -> None:
     ("scene", "accuracy", "study", "named"),
     [
         ("tripod", "0.1%", None, ("study 'ik'", "0.64 %")),
-        ("tripod", "budget 30%", None, ("'ik'", "static solves", "--accuracy", "percentage", "time")),
-        ("tripod_sofa", "5%", None, ("--accuracy", "'tripod'", "'tripod_sofa'", "leave it out")),
+        ("tripod", "budget 30%", None, ("'ik'", "at rest", "--accuracy", "percentage", "time")),
+        ("tripod_sofa", "5%", None, ("--accuracy", "'tripod'", "'tripod_sofa'", "leave --accuracy out")),
         ("tripod", "5%", "tripod_static", ("--study", "'tripod_static'", "tripod study ik")),
     ],
 )
@@ -69,7 +69,7 @@ def test_the_command_solves_with_it_and_says_so() -> None:
     ("words", "named"),
     [
         (["ik", "--accuracy", "1%"], ("--accuracy", "--target")),
-        (["ik", "--json", "--slide", "0.03"], ("--slide", "--target", "NAME:=VALUE")),
+        (["ik", "--json", "--slide", "0.03"], ("--slide", "--target", "--set NAME=VALUE")),
         ([*IK, "--accuracy", "1"], ("--accuracy", "'1'", "percentage")),
         ([*IK, "--accuracy", "1%", "--budget", "2ms"], ("--accuracy", "--budget")),
     ],
@@ -92,9 +92,11 @@ def test_the_promise_is_measured_on_the_robot_of_the_study(monkeypatch: pytest.M
 
 
 def test_the_page_has_the_promise() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "accuracy_promise.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text(encoding="utf-8")
     rows = [
-        line.split(" | ") for line in text.partition("<!-- ik -->")[2].splitlines() if "mesh.level" in line
+        line.split(" | ")
+        for line in text.partition("<!-- ik promise -->")[2].splitlines()
+        if "mesh.level" in line
     ]
     rows = [row for row in rows if row[0] in ("| 10%", "| 5%", "| 1%")][:3]
     for row in rows:

@@ -75,7 +75,7 @@ def test_run_takes_four_angles_and_tells_four_torques() -> None:
         run("cross", servo="0: 0,0,0")
     with raises_naming(SceneError, "servos.angles", 3, 4):
         load_scene("cross", ["servos.angles=[0, 0, 0]"])
-    with raises_naming(SceneError, "servo 2", "node 93"):
+    with raises_naming(SceneError, "servo_2", "node 93"):
         Simulation(load_scene("cross", ["mesh.legs=3"]))
 
 
@@ -107,4 +107,4 @@ def test_a_search_that_creeps_along_a_snap_ends_and_says_so() -> None:
     found = solver.solve([PositionTask(np.array([0.005, -0.15, 0.0]))])
     assert found.outcome is Outcome.UNFINISHED
     assert found.iterations < 60
-    assert_names(found.reason, f"{found.iterations} iterations", "snap", "another start")
+    assert_names(found.reason, f"{found.iterations} iterations", "snap", "another pose")

@@ -277,7 +277,7 @@ def test_without_time_or_iterations_it_says_so(model):
 
 def test_a_pose_that_the_model_refuses_leaves_it_where_it_was(model):
     before = model.state()
-    with raises_naming(SceneError, "servo 2", "3 rad", "-2.1 to 0.6 rad"):
+    with raises_naming(SceneError, "servo_2", "3 rad", "-2.1 to 0.6 rad"):
         model.move(np.array([-1.4, -1.4, 3.0]))
     assert model.angles == pytest.approx(WORKING)
     assert model.state().effector == pytest.approx(before.effector, abs=1e-15)
@@ -295,7 +295,7 @@ def test_a_pose_without_compliance_leaves_the_model_where_it_was(model, monkeypa
     before = model.state().effector.copy()
 
     def singular():
-        raise StepError("the static tangent is singular")
+        raise StepError("at rest is singular")
 
     with monkeypatch.context() as patch:
         patch.setattr(model.simulation, "compliance", singular)

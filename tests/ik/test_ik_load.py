@@ -209,7 +209,7 @@ def test_nothing_is_loaded_where_nobody_asks() -> None:
 
 def test_it_needs_a_measurement_and_a_delay_in_range() -> None:
     values = {p.name: p.default for p in PARAMETERS} | {"observe_load": True}
-    with raises_naming(IkError, "'observe_load'", "feedback:=pose", "imu"):
+    with raises_naming(IkError, "'observe_load'", "--set feedback=pose", "feedback=imu"):
         load_observer(values)
     assert load_observer(values | {"feedback": "imu"}).delay == values["feedback_delay"]
     with raises_naming(IkError, "delay", "1.0 s", "0 to 0.5 s"):

@@ -87,7 +87,7 @@ def test_from_the_parked_pose_it_goes_where_the_command_does(graph):
 def test_its_own_model_needs_to_know_where_the_robot_is(graph):
     start_alone(graph)
     graph.sim.joints.publish = lambda message: None
-    graph.wait_state(IkStatus.STALE, "own model", names.ROBOT_JOINT_STATES, "driver")
+    graph.wait_state(IkStatus.STALE, "this node", names.ROBOT_JOINT_STATES, "driver")
     graph.hear(1)  # what was on its way
     graph.sim.commands.clear()
     graph.hear(2)
@@ -96,5 +96,5 @@ def test_its_own_model_needs_to_know_where_the_robot_is(graph):
 
 def test_a_scene_that_has_no_inverse_is_named(graph):
     start_alone(graph, scene="silicone")
-    graph.wait_state(IkStatus.STALE, "no own model", "'silicone'", "no servos", "no effector")
+    graph.wait_state(IkStatus.STALE, "no model", "'silicone'", "no servos", "no effector")
     assert not graph.sim.commands

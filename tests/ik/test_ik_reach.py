@@ -93,7 +93,7 @@ def test_the_error_of_the_mesh_is_that_of_the_branch_that_the_answer_is_on():
     [
         ({"low": -1.0, "high": -1.0}, ("-1 to -1 rad", "3 steps")),
         ({"count": 1}, ("-2 to -0.6 rad", "1 steps")),
-        ({"low": -1.0}, ("start", "[-1.4, -1.4, -1.4] rad", "-1 to -0.6 rad")),
+        ({"low": -1.0}, ("start", "[-1.4, -1.4, -1.4] rad", "between -1 and -0.6 rad")),
         ({"torque_max": 0.0}, ("torque limit", "0 N m")),
         ({"torque_max": np.nan}, ("torque limit", "nan N m")),
     ],
@@ -155,7 +155,7 @@ def test_without_a_start_the_model_begins_as_near_to_the_working_pose_as_the_ser
     ("values", "named"),
     [
         ({"target": [0, np.nan, 0]}, ("target[1]", "nan")),
-        ({"target": [0, 35, 0]}, ("target y", "35 m", "-0.2236 to 0.2236 m", "millimetres", "0.035 m")),
+        ({"target": [0, 35, 0]}, ("target y", "35 m", "-0.2236 to 0.2236 m", "millimetres", "35mm")),
         ({"target": [0, 0, -0.3]}, ("target z", "-0.3 m", "-0.2319 to 0.2154 m")),
         ({"tilt": (0.1,)}, ("tilt", "(1,)")),
         ({"torque_max": -1.0}, ("torque_max", "-1.0 N m")),

@@ -377,7 +377,7 @@ def test_nothing_is_printed(capfd):
 
 
 def test_a_solver_of_another_size_is_refused():
-    with raises_naming(IkError, "6 unknowns", "solver of 3"):
+    with raises_naming(IkError, "6 unknowns", "made for 3"):
         IkSolver(3).solve(typical())
 
 

@@ -48,8 +48,8 @@ def test_a_box_without_inside_is_refused():
     ("changes", "named"),
     [
         ({"target": [0, 0]}, ("target", "(2,)")),
-        ({"weights": [1, -1, 1]}, ("weights", "[1.0, -1.0, 1.0]", "not negative")),
-        ({"weights": [0, 0, 0]}, ("weights", "[0.0, 0.0, 0.0]", "one positive")),
+        ({"weights": [1, -1, 1]}, ("weights", "[1.0, -1.0, 1.0]", "negative")),
+        ({"weights": [0, 0, 0]}, ("weights", "[0.0, 0.0, 0.0]", "one must be positive")),
         ({"curvature": -0.1}, ("curvature", -0.1)),
         ({"curvature": np.nan}, ("curvature", "nan")),
     ],

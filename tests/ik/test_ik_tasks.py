@@ -147,7 +147,7 @@ def test_without_a_task_there_is_no_problem(home):
 @pytest.mark.parametrize(
     ("make", "named"),
     [
-        (lambda: TiltTask([0, 0, 0]), ("normal", "[0.0, 0.0, 0.0]", "no direction")),
+        (lambda: TiltTask([0, 0, 0]), ("normal", "[0.0, 0.0, 0.0]", "direction")),
         (lambda: TiltTask([0, np.nan, 1]), ("normal[1]", "nan")),
         (lambda: TiltTask([0, 0, 1], lever=0.0), ("lever", "0.0 m")),
         (lambda: TiltTask([0, 0, 1], curvature=-1.0), ("curvature", "-1.0 rad/rad²")),

@@ -149,7 +149,7 @@ def test_the_first_maze_is_solved_with_noise_and_delay_and_to_the_same_bits() ->
 def test_a_game_that_cannot_be_is_refused() -> None:
     with raises_naming(PlayError, "'tripod'", "no maze"):
         solve(Simulation(load_scene("tripod", ["mesh.level=1"])), 0)
-    with raises_naming(PlayError, "period 0.02 s", "multiple", "dt 0.003 s"):
+    with raises_naming(PlayError, "period 0.02 s", "multiple", "dt", "0.003 s"):
         solve(Simulation(load_scene("maze", ["mesh.level=1", "dt=0.003"])), 0)
     maze = Simulation(load_scene("maze", ["mesh.level=1"]))
     for limit in (-1.0, np.nan, np.inf):

@@ -178,7 +178,7 @@ def test_where_inverse_kinematics_follows_something_else_nothing_is_commanded_an
     graph = Graph(solver, "position")
     try:
         graph.until(lambda: bool(graph.node.done), graph.robot.say_pose)
-        remedy = ("goal:=orientation", "tripod up ik.goal:=orientation")
+        remedy = ("--set goal=orientation", "tripod up --set ik.goal=orientation")
         assert_names(graph.node.done, "inverse kinematics", "'position'", *remedy)
         assert ControlMode.IK not in graph.robot.modes
         assert not graph.robot.targets
@@ -308,7 +308,7 @@ def test_without_a_simulator_it_says_what_it_waits_for(
 
 def test_a_game_that_is_stopped_is_not_won(domain: int) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "tripod_bringup", "solve", "first", "--live"],
+        [sys.executable, "-m", "tripod_bringup", "play", "first", "--live"],
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

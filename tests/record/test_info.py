@@ -133,7 +133,7 @@ def test_a_recording_that_goes_on_while_it_is_read_is_not_torn(tmp_path: Path) -
     writer.write("/chatter", cdr_string(noise.randbytes(5000).hex()), START + 200)
     writer.sync()
     assert 1 + len(list(messages)) == 200
-    assert_names(reader.truncated, "not closed", "being recorded")
+    assert_names(reader.truncated, "not closed", "still running")
     assert reader.damage == []
     writer.close()
 
@@ -213,7 +213,7 @@ def test_behind_a_damaged_head_of_a_record_the_next_chunks_are_read(
         path.write_bytes(whole[:at] + damage + whole[at + len(damage) :])
         info = read_info(path, check=True)
         assert messages - 40 < counts(info)["/chatter"] < messages
-        assert any(names(line, f"byte {at}", "no record") for line in info.damage)
+        assert any(names(line, f"byte {at}", "not a record") for line in info.damage)
         reader = Reader(path)
         texts = [bytes(m.data) for m in reader.messages() if reader.channels[m.channel].topic == "/chatter"]
         assert texts[-1] == cdr_string(f"message {messages - 1}")
@@ -321,7 +321,7 @@ def test_what_is_no_file_gives_one_line_and_exit_code_2(
 ) -> None:
     for path, named in (
         (tmp_path / "none", (f"{tmp_path}/none", "exist")),
-        (tmp_path, (tmp_path, "no mcap file")),
+        (tmp_path, (tmp_path, "no .mcap file")),
         (Path("/dev/zero"), ("/dev/zero", "device")),
         (tmp_path / "a\x1b[31m", (f"{tmp_path}/a�[31m", "exist")),
     ):
@@ -437,7 +437,7 @@ LARGE_MESSAGE = struct.pack("<BQHIQQ", 5, 22 + 2**20, 1, 0, 5, 5) + bytes(2**20)
     [
         (bytes(9), 3, ("zeros", "records"), 0),
         (EMPTY_MESSAGE, 3, ("more records", "size", "rest"), 600_000),
-        (LARGE_MESSAGE, 50, ("chunks", "100 times", "rest"), 700),
+        (LARGE_MESSAGE, 50, ("unpack", "100 times", "rest"), 700),
     ],
 )
 def test_what_is_packed_to_do_harm_is_read_no_further_than_its_size_allows(

@@ -307,7 +307,7 @@ def test_what_is_asked_for_and_not_there_is_told_until_it_is(graph: Graph, tmp_p
     graph.until(lambda: without("/sim/misspelled") and not without("/ike/*"), "what is there by now")
     assert process.stderr
     graph.until(lambda: select.select([process.stderr], [], [], 0)[0], "a warning")
-    assert_names(process.stderr.readline(), "nobody", "/sim/misspelled")
+    assert_names(process.stderr.readline(), "nothing is published", "/sim/misspelled", "ros2 topic list")
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=DEADLINE)
     assert process.returncode == 0
@@ -460,7 +460,7 @@ def test_a_full_disk_is_told_at_once_and_the_recording_goes_on_when_there_is_roo
     kept = [data for _, data in read_with_rosbags(path)["/sim/body_state"]]
     assert (code, out) == (1, "")
     assert lines_naming(errors, "recording: ", path, "memory")
-    assert lines_naming(errors, "recording goes on")
+    assert lines_naming(errors, "recording continues")
     assert "Traceback" not in errors
     last = errors.splitlines()[-1]
     offered = int(re.search(rf"\b{len(kept)} of (\d+) messages", last)[1])  # type: ignore[index]

@@ -280,7 +280,7 @@ def test_another_operator_ends_it(make, clock: Clock) -> None:
 @pytest.mark.parametrize(
     ("status", "why"),
     [
-        ({"state": RobotStatus.HOLDING, "message": "stopped by service"}, "stopped by service"),
+        ({"state": RobotStatus.HOLDING, "message": "stopped by a service"}, "stopped by a service"),
         ({"state": RobotStatus.DISCONNECTED, "message": "mock was lost"}, "mock was lost"),
         ({"state": RobotStatus.HOLDING}, "it holds"),
     ],

@@ -129,7 +129,7 @@ def test_a_checkpoint_is_read_back_bit_for_bit_and_only_for_its_own_scene() -> N
     for wrong in (b"", b"PK\3\4 no", data[: len(data) // 2]):
         with raises_naming(SceneError, "not a checkpoint"):
             checkpoint_place(wrong)
-        with raises_naming(SceneError, "not a checkpoint"):
+        with raises_naming(SceneError, "checkpoint", "load the scene"):
             read_checkpoint(wrong, maze)
 
 

@@ -296,7 +296,9 @@ def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     assert scene.gravity.acceleration == (0, 0, -3)
     assert scene.inertia.scheme == "bdf2"
     assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
-    assert_names(choice.sentence, "study pendulum", "not seen", "dt=0.004", "gravity.acceleration=[0, 0, -3]")
+    assert_names(
+        choice.sentence, "study pendulum", "not made with", "dt=0.004", "gravity.acceleration=[0, 0, -3]"
+    )
     assert choice.measured is choice.error is None
     for line in (choice.sentence, choice.told):
         assert not re.search(r"\d %", line), "an error that nobody knows is told"
@@ -336,7 +338,7 @@ def test_static_solves_are_for_scenes_without_inertia(tmp_path: Path) -> None:
     assert not names(choice.sentence, "solver.tolerance"), "what is as it was is left out"
     with raises_naming(SceneError, "--study", "static solves", "moves"):
         choose("tripod", "40%", study=path, speed=same_speed)
-    with raises_naming(SceneError, "real-time", "motion", "'pendulum'", "static solves", "--budget"):
+    with raises_naming(SceneError, "real-time", "motion", "'pendulum'", "at rest", "--budget"):
         choose("tripod", "real-time", still, study=path, speed=same_speed)
 
 
@@ -356,7 +358,7 @@ def test_a_scene_without_a_study_says_how_to_make_one(tmp_path: Path) -> None:
     [
         ({"scene": "cloth"}, ("--study", "'cloth'", "'pendulum'")),
         ({"cpu": "s per solve"}, ("--study", "static solves", "moves")),
-        ({"points": []}, ("study 'pendulum'", "no point")),
+        ({"points": []}, ("study 'pendulum'", "no setting")),
         ({"format": 2}, ("format is 2", "reads format 1")),
         ({"format": True}, ("format is True",)),
         ({"points": 7}, ("points is 7", "list")),
@@ -509,7 +511,7 @@ def test_run_takes_the_setting_and_says_so(study: Path) -> None:
     assert done.exit_code == 0, done.stderr
     line_naming(done.stderr, "accuracy 5%", "dt=0.002", "inertia.scheme=bdf2")
     line_naming(done.stdout, "10 steps", "2 ms")
-    line_naming(done.stdout, "study pendulum", "%")
+    line_naming(done.stdout, "accuracy study", "%")
     done = CliRunner().invoke(app, [*words, "--set", "dt=0.004", "--json"])
     result = json.loads(done.stdout)
     assert result["dt"] == 0.004

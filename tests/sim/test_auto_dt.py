@@ -186,7 +186,7 @@ def test_a_part_that_cannot_be_solved_is_halved_and_at_last_named(monkeypatch: p
         raise NewtonError("on purpose")
 
     monkeypatch.setattr(simulation._stepper._scheme, "_part", failing)
-    with raises_naming(StepError, "step 1", "0 s", "parts", 0.00012, "on purpose"):
+    with raises_naming(StepError, "step 1", "0 s", "substeps", 0.00012, "on purpose"):
         simulation.step(turned(0.01))
     assert simulation.state.positions.tobytes() == before
     assert simulation.state.time == 0.0

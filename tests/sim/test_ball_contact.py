@@ -118,7 +118,10 @@ def test_in_a_maze_the_ball_plays_on_as_without_contact(still: bool) -> None:
             ("inertia.scheme is 'rk4'", "contact or a ball", "implicit_euler", "bdf2", "tr_bdf2"),
         ),
         ((*SOLID, "gravity={}", BALL.replace("0.0085", "0.003")), ("ball", "the soft body", "move ball")),
-        ((*SOLID, BALL.replace("-0.01, 0.0, 0.0085", "0.06, 0, -0.03")), ("ball", "body of servo 0")),
+        (
+            (*SOLID, BALL.replace("-0.01, 0.0, 0.0085", "0.06, 0, -0.03")),
+            ("ball.position", "0.06, 0.0, -0.03", "servo_0", "contact.start = 'lift'"),
+        ),
         (("tripod", BALL, "ball.rolling=0.1"), ("ball.rolling is 0.1", "a maze", "leave it out")),
         (("tripod", BALL, "ball.substep=1e-3"), ("ball.substep is 0.001", "a maze", "leave it out")),
         ((*SOLID, BALL, "ball.friction=0.5"), ("ball.friction is 0.5", "contact.friction")),

@@ -245,9 +245,13 @@ def test_bodies_that_pass_through_something_at_the_start_are_named_or_lifted() -
         ("stack", ["rigid.0.shape=surface", "rigid.0.source=plate.obj"], ["plate.obj", "open"]),
         ("stack", ["rigid.0.shape=surface", "rigid.0.source=inward.obj"], ["inward.obj", "inward"]),
         ("stack", ["contact=off", "obstacles=off"], ["rigid needs contact"]),
-        ("stack", ["rigid=off"], ["mesh is missing", "material", "springs", "bodies", "rigid bodies"]),
+        (
+            "stack",
+            ["rigid=off"],
+            ["mesh is missing", "[mesh]", "[material]", "[springs]", "[[body]]", "[[rigid]]"],
+        ),
         ("stack", ["servos={}"], ["servos", "soft body"]),
-        ("bounce", ["obstacles=off"], ["contact", "nothing to touch", "[[obstacles]]", "[[rigid]]"]),
+        ("bounce", ["obstacles=off"], ["contact", "nothing to act on", "[[obstacles]]", "[[rigid]]"]),
         ("stack", ["inertia.scheme=rk4"], ["inertia.scheme is 'rk4'", "implicit_euler", "bdf2", "tr_bdf2"]),
         (
             "stack",

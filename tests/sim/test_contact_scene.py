@@ -188,7 +188,7 @@ def test_bad_contact_is_named() -> None:
     assert_names(refused("contact.friction=nan"), "contact.friction is nan")
     assert_names(refused("contact.response=glue"), "contact.response is 'glue'", "lagrange", "penalty")
     assert_names(refused("contact=off"), "obstacles", "contact")
-    assert_names(refused("obstacles=off"), "contact", "nothing to touch", "[[obstacles]]")
+    assert_names(refused("obstacles=off"), "contact", "nothing to act on", "[[obstacles]]")
     scheme = refused("inertia.scheme=semi_implicit_euler")
     assert_names(scheme, "inertia.scheme is 'semi_implicit_euler'", "implicit_euler", "bdf2", "tr_bdf2")
 

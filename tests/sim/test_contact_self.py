@@ -202,7 +202,7 @@ def test_a_thin_solid_touches_itself_across_a_slit_and_not_through_itself() -> N
     gaps = np.linalg.norm(np.einsum("ck,cki->ci", weights, x[vertices]), axis=1)
     np.testing.assert_allclose(gaps, 2e-4, rtol=1e-6)
     (note,) = near_itself(part, 2e-3)
-    assert_names(note, "contact.contact_distance", "0.002 m", "nearest 0.0002 m")
+    assert_names(note, "contact.contact_distance", "0.002 m", "nearest", "0.0002 m")
     assert near_itself(part, 1e-4) == ()
 
 

@@ -365,5 +365,5 @@ def test_bad_contact_of_a_solid_is_named() -> None:
     assert_names(near, "contact.alarm_distance is 0.0001 m", "above contact.contact_distance, 0.0005 m")
     below = refused("silicone_drop", "contact.contact_distance=-1")
     assert_names(below, "contact.contact_distance is -1.0", "above 0 m")
-    assert_names(refused("silicone_drop", "obstacles=off"), "contact", "nothing to touch")
+    assert_names(refused("silicone_drop", "obstacles=off"), "contact", "nothing to act on")
     assert_names(refused("silicone_drop", "contact=off"), "obstacles", "contact")

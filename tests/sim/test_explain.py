@@ -1,6 +1,7 @@
 """What a scene costs: the stopwatch, the parts found, the report's sums, and the command."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -387,7 +388,6 @@ def test_the_command_prints_tables_or_json() -> None:
     [
         (["trpod"], ("scene 'trpod'", "tripod")),
         (["tripod", "--set", "dt=-1"], ("dt is -1.0", "at least 1e-09 s", "at most 1 s")),
-        (["tripod", "--at", "-1"], ("--at is -1 s",)),
     ],
 )
 def test_bad_arguments_end_with_2_and_one_line(words: list[str], named: tuple[str, ...]) -> None:
@@ -395,3 +395,9 @@ def test_bad_arguments_end_with_2_and_one_line(words: list[str], named: tuple[st
     assert done.exit_code == 2
     assert_names(done.stderr, *named)
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_time_before_the_start_is_refused_with_its_range() -> None:
+    done = CliRunner().invoke(app, ["explain", "tripod", "--at", "-1"])
+    assert done.exit_code == 2
+    assert_names(re.sub(r"[\s│]+", " ", done.stderr), "--at", "-1 s", 0, "1.5")

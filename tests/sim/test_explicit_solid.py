@@ -1,5 +1,7 @@
 """Explicit schemes on solids: recurrence, order, agreement with an implicit scheme, division, flag."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -95,16 +97,16 @@ def test_steps_are_divided_until_they_are_stable() -> None:
 def test_explicit_euler_without_damping_is_told_to_be_stable_at_no_step() -> None:
     words = ["mesh.level=1", "mesh.element=t4", "inertia.scheme=explicit_euler", "damping=off"]
     simulation = Simulation(load_scene("silicone", words))
-    with raises_naming(StepError, "limit is 0 s", "no step", "add damping"):
+    with raises_naming(StepError, "limit is 0 s", "every dt", "[damping]"):
         for _ in range(50):
             simulation.step()
 
 
 def test_a_step_of_far_too_many_parts_is_refused_at_once() -> None:
     """It would take minutes: damping by 0.05 s lets a part be no longer than 27 ns."""
-    with raises_naming(StepError, "parts of 2.7e-08 s", "implicit scheme") as caught:
+    with raises_naming(StepError, "substeps", "2.7e-08 s", "implicit scheme") as caught:
         Simulation(load_scene("tripod_sofa", ["inertia.scheme=semi_implicit_euler"])).step()
-    count = int(str(caught.value).partition(" parts of ")[0].split()[-1])
+    count = max(int(number) for number in re.findall(r"\b\d+\b", str(caught.value)))
     assert 100_000 <= count < 1_000_000
 
 

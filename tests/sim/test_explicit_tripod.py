@@ -353,7 +353,7 @@ def test_masses_in_a_line_are_refused() -> None:
     line = np.flatnonzero((np.abs(rest[:, 1]) < 1e-9) & (rest[:, 2] > 1e-9))[:3]
     assert len(line) == 3
     system = System(rest, [solid], Groups(len(rest), (line,)))
-    with raises_naming(SceneError, "rigid body 0", "3 nodes", "in a line", "implicit_euler"):
+    with raises_naming(SceneError, "rigid body 0", "3 nodes", "on a line", "implicit_euler"):
         ExplicitSteps(system, mass, "rk4", drag=0.0, divide=True)
 
 

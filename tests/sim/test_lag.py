@@ -75,8 +75,13 @@ def test_what_the_setting_takes_the_place_of_is_named(study: Callable[..., Path]
         # too slow at its cheapest; in real time already, by the study; no study; a study of statics
         ("tripod", SET, (9.0, 1.2), ("no setting", "0.5 s", "1.2 s", "mesh.element=h8_modes")),
         ("tripod", SET, (0.3, 0.2), ("study two", "no cheaper setting")),
-        ("tripod_sofa", ("mesh.level=1",), None, ("no study", "'tripod_sofa'", "tripod study tripod_sofa")),
-        ("tripod", ("inertia=off", "damping=off"), None, ("static solves", "'tripod_static'", "--budget")),
+        (
+            "tripod_sofa",
+            ("mesh.level=1",),
+            None,
+            ("no accuracy study", "'tripod_sofa'", "tripod study tripod_sofa"),
+        ),
+        ("tripod", ("inertia=off", "damping=off"), None, ("at rest", "'tripod_static'", "--budget")),
     ],
 )
 def test_where_there_is_none_it_says_why(

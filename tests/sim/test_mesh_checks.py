@@ -264,7 +264,7 @@ def test_what_has_no_effect_or_no_sensible_mass_is_told() -> None:
     """Of a brick of 20 x 10 x 10 mm, corners in millimetres; 2 g are 1000 kg/m³."""
     assert Simulation(scene_from_toml(MILLIMETRES)).notes == ()
     (unread,) = Simulation(scene_from_toml(MILLIMETRES.replace("cells", "level = 3\nlegs = 4\ncells"))).notes
-    assert_names(unread, "mesh.level", "mesh.legs", "without effect", "mesh.source is 'block'")
+    assert_names(unread, "mesh.level", "mesh.legs", "ignored", "mesh.source is 'block'")
     heavy = MILLIMETRES.replace("mass = 0.002", "mass = 2")
     (note,) = Simulation(scene_from_toml(heavy)).notes
     assert_names(note, "material.mass", "2 kg", "2e-06 m³", "1e+06 kg/m³", "10 to 25000 kg/m³", "grams")

@@ -383,7 +383,7 @@ def test_values_go_to_other_nodes_by_tetrahedra_too(element: str) -> None:
                 "mesh_error={}",
                 "platform=[{hold=[{set='all', point=[0,0,0], to=[0,0,0]}], position=[0,0,0]}]",
             ],
-            ("mesh_error", "platform", "exclude"),
+            ("mesh_error", "platform", "cannot be combined"),
         ),
     ],
 )

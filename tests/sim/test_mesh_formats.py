@@ -120,14 +120,14 @@ def test_an_abaqus_file_of_gmsh_is_read_with_its_surfaces_and_sets(tmp_path: Pat
         "Volume1": [0, 1, 2, 3, 4, 5], "Half": [0, 1, 2], "Both": [0, 1, 2]
     }  # fmt: skip
     assert set(found.groups["Both"]) == {*face, *T10.elements[:3].ravel().tolist()}
-    assert_names(line_naming("\n".join(found.notes), "SPRINGA"), "x.inp", "3 SPRINGA", "left out")
+    assert_names(line_naming("\n".join(found.notes), "SPRINGA"), "x.inp", "3 SPRINGA", "not read")
 
 
 @pytest.mark.parametrize(
     ("text", "named"),
     [
         (abaqus("COH3D10"), ("COH3D10",)),
-        (abaqus(more="*ELEMENT, TYPE=C3D15V\n99, 1, 2, 3, 4, 5"), ("no element", "C3D15V")),
+        (abaqus(more="*ELEMENT, TYPE=C3D15V\n99, 1, 2, 3, 4, 5"), ("cannot be used", "C3D15V")),
         (abaqus(more="*NODE\n1, 0, 0, 0"), ("2 nodes", "number 1")),
         (abaqus(more="*ELEMENT, TYPE=C3D10\n99, 1, 2, 3, 4, 5, 6, 7, 8, 9, 777"), ("cut short", "777")),
     ],
@@ -210,7 +210,7 @@ def test_cells_of_vtk_that_nobody_needs_are_left_out_and_counted(write, tmp_path
     assert found.cell_groups["part:1"].tolist() == np.flatnonzero(numbers).tolist()
     for kind, name in ((11, "voxel"), (42, "polyhedron"), (80, "VTK_BEZIER_WEDGE"), (99, "VTK type 99")):
         (tmp_path / "x.vtk").write_text(write([*SOLID, (kind, list(range(8)))], TETRAHEDRA.nodes))
-        with raises_naming(SceneError, "x.vtk", "no element", name):
+        with raises_naming(SceneError, "x.vtk", "cannot be used", name):
             read_solid(tmp_path / "x.vtk", 1.0, "t4")
 
 
@@ -269,9 +269,9 @@ def test_a_mesh_that_is_inside_out_is_turned_over_and_told(name: str, tmp_path: 
     text = gid_text(seen, mesh.elements, mesh.kind.cell).replace("ElemType Tetra ", f"ElemType {kind} ")
     (tmp_path / "x.gidmsh").write_text(text)
     found = read_solid(tmp_path / "x.gidmsh", 1.0, name)
-    check_mesh(found, "turned over")
+    check_mesh(found, "corrected")
     assert volume_of(found) == pytest.approx(volume_of(mesh), rel=1e-12)
-    assert_names("\n".join(found.notes), f"all {len(mesh.elements)} cells", "x.gidmsh", "turned over")
+    assert_names("\n".join(found.notes), f"all {len(mesh.elements)} cells", "x.gidmsh", "corrected")
     order = mirrored(mesh.kind)
     assert sorted(order) == list(range(mesh.kind.size))
     assert [order[i] for i in order] == list(range(mesh.kind.size))  # twice is as before

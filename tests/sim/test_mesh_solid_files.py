@@ -191,7 +191,7 @@ def test_cells_of_two_kinds_are_refused(tmp_path: Path) -> None:
     mesh = block("h8")
     for extra, named in (
         (("tetra", [[0, 1, 3, 9]]), ("several kinds", "hexahedron, tetra")),
-        (("wedge", [[0, 1, 3, 9, 10, 12]]), ("cells", "no element", "wedge")),
+        (("wedge", [[0, 1, 3, 9, 10, 12]]), ("cells", "cannot be used", "wedge")),
     ):
         path = tmp_path / "mixed.vtu"
         meshio.write(path, meshio.Mesh(mesh.nodes, [("hexahedron", mesh.elements), extra]))

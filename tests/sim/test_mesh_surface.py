@@ -198,10 +198,10 @@ V, T = SQUARE.vertices, SQUARE.triangles
             ("edges", "vertices 0, 2", "more than two triangles"),
         ),
         (SurfaceMesh(V, [*T, [0, 1, 2]]), ("edges", "vertices 0, 2", "more than two triangles")),
-        (SurfaceMesh(V, [[0, 1, 2], [0, 3, 2]]), ("triangles 0, 1", "same way", "shared edge")),
+        (SurfaceMesh(V, [[0, 1, 2], [0, 3, 2]]), ("triangles 0, 1", "opposite orientation", "neighbour")),
         (
             SurfaceMesh(TETRAHEDRON.vertices, [[0, 1, 2], *TETRAHEDRON.triangles[1:]]),
-            ("triangles 0, 1, 2, 3", "same way", "shared edge"),
+            ("triangles 0, 1, 2, 3", "opposite orientation", "neighbour"),
         ),
     ],
 )

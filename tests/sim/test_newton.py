@@ -1,4 +1,4 @@
-"""Newton's method where the tangent is singular."""
+"""Newton's method where the matrix is singular."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def test_a_singular_tangent_is_shifted_a_hundredfold_until_it_is_positive(
 
     monkeypatch.setattr(system, "factor", factor)
     if enough == 4:
-        with raises_naming(StepError, "tangent is singular"):
+        with raises_naming(StepError, "matrix is singular"):
             simulation.step()
     else:
         assert simulation.step().iterations > 0

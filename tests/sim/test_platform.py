@@ -188,7 +188,7 @@ def test_nothing_to_hold_and_explicit_schemes_are_refused() -> None:
     empty = SCENE[:start].replace("mass = 0.01", "mass = 0.01\nhold = []") + SCENE[SCENE.index("[solver]") :]
     with raises_naming(SceneError, "platform.0.hold", "empty"):
         scene_from_toml(empty)
-    with raises_naming(SceneError, "platform", "inertia.scheme", "exclude each other"):
+    with raises_naming(SceneError, "platform", "inertia.scheme", "cannot be combined"):
         scene_from_toml(SCENE + '[inertia]\nscheme = "rk4"\n')
     loose = SCENE.replace("[[fixed]]", "[[initial_velocity]]") + "[inertia]\n"
     with raises_naming(SceneError, "'left'", "'right'", "nodes", "platform"):

@@ -59,7 +59,7 @@ class FakeSimulation:
 
     def compliance(self) -> Any:
         if self.singular:
-            raise StepError("the static tangent is singular")
+            raise StepError("at rest is singular")
         return SimpleNamespace(step=self.state.step)
 
 

@@ -35,7 +35,7 @@ def test_requests_are_read(text: str, request_: Request) -> None:
     ("text", "named"),
     [
         ("reset", ("'reset'", "JSON")),
-        ("[]", ("'[]'", "table")),
+        ("[]", ("'[]'", "JSON object")),
         ('{"do": "explode"}', ("do", "'explode'", "allowed: reset")),
         ('{"effect": "magic", "on": true}', ("effect", "'magic'", "effects: gravity")),
         ('{"effect": "sleep", "on": 1}', ("on", 1, "true", "false")),
@@ -108,7 +108,7 @@ def test_the_node_does_what_is_asked_and_says_what_it_does_not(make) -> None:
     ear.ask(do="explode")
     graph.wait(lambda: names(ear.notice(), "do", "'explode'"), "the refusal")
     ear.ask(effect="maze", on=True)  # the ball lies on the piece: its place is no maze's
-    graph.wait(lambda: names(ear.notice(), "cannot begin", "maze={}: "), "why there is no such scene")
+    graph.wait(lambda: names(ear.notice(), "cannot continue", "maze={}: "), "why there is no such scene")
     ear.ask(effect="gravity", on=False)  # a ball needs gravity
     graph.wait(lambda: names(ear.notice(), "gravity"), "the refusal")
     ear.ask(effect="sleep", on=True)
@@ -144,7 +144,7 @@ def test_all_goes_on_while_another_simulation_is_built_and_the_newest_wish_count
     ear.ask(effect="gravity", on=False)
     graph.wait(lambda: names(ear.notice(), "building", "damping={}; gravity=off"), "the newest wish")
     may.set()
-    refusal = ("cannot begin", "damping={}; gravity=off: no rest")
+    refusal = ("cannot continue", "damping={}; gravity=off: no rest")
     graph.wait(lambda: names(ear.notice(), *refusal), "why not")
     assert len(built) == 2
     assert graph.node.anew is None

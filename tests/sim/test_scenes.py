@@ -1,4 +1,4 @@
-"""The shipped scenes do what their descriptions say, and the tutorial's commands run."""
+"""The shipped scenes do what their descriptions say, and the commands of the course run."""
 
 import json
 import re
@@ -112,20 +112,18 @@ def test_the_preset_sofa_creeps() -> None:
     np.testing.assert_allclose(np.array(left[1:]) / left[:-1], 1 / 1.2, atol=0.002)
 
 
-# the tutorial ---------------------------------------------------------------------------------------------------
+# the course -----------------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).parents[2]
-TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
+COURSE = (ROOT / "docs" / "course.md").read_text()
 COMMANDS = [
-    line
-    for block in re.findall(r"```sh\n(.*?)```", TUTORIAL, re.DOTALL)
-    for line in block.strip().splitlines()
+    line for block in re.findall(r"```sh\n(.*?)```", COURSE, re.DOTALL) for line in block.strip().splitlines()
 ]
 
 
 @cache
 def tripod(command: str) -> str:
-    """Run a line of the tutorial and return what it prints."""
+    """Run a line of the course and return what it prints."""
     name, *arguments = shlex.split(command)
     assert name == "tripod"
     done = CliRunner().invoke(cli.app, arguments)
@@ -133,18 +131,18 @@ def tripod(command: str) -> str:
     return done.stdout
 
 
-def test_the_tutorial_has_commands_of_all_four_scenes() -> None:
+def test_the_course_has_commands_of_all_four_scenes() -> None:
     scenes = {shlex.split(c)[2] for c in COMMANDS}
     assert scenes == {"silicone_free", "silicone", "tripod", "tripod_sofa"}
     assert len(COMMANDS) >= 8
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_of_the_tutorial_runs(command: str) -> None:
+def test_a_command_of_the_course_runs(command: str) -> None:
     assert tripod(command).strip()
 
 
-def test_the_tutorial_s_numbers_are_those_of_its_commands() -> None:
+def test_the_course_s_numbers_are_those_of_its_commands() -> None:
     stall = next(c for c in COMMANDS if "servo_dynamics" in c)
     summary = json.loads(tripod(stall))
     assert [s["servo"] for s in summary["stalled"]] == [0, 1, 2]
@@ -153,8 +151,8 @@ def test_the_tutorial_s_numbers_are_those_of_its_commands() -> None:
     np.testing.assert_allclose(working["torques"], -0.10, atol=0.005)
 
 
-def test_every_picture_of_the_tutorial_is_there_and_drawn_by_the_script() -> None:
-    named = re.findall(r"!\[.+?\]\((.+?)\)", TUTORIAL)
+def test_every_picture_of_the_course_is_there_and_drawn_by_the_script() -> None:
+    named = re.findall(r"!\[.+?\]\((.+?)\)", COURSE)
     assert len(named) == 3
     script = (ROOT / "docs" / "pictures.py").read_text()
     for name in named:

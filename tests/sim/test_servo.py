@@ -93,7 +93,7 @@ def test_the_torque_at_which_it_counts_as_stalled() -> None:
     both = motion.stalled(servos, angles, np.array([0.99, -0.99, -1.01]) * t)
     assert [s.servo for s in both] == [0, 1, 2]
     assert both[1].load == pytest.approx(0.99 * t)
-    assert_names(both[1], "servo_1", "load 0.168 N m", "stall torque 0.170 N m", "0.300 rad")
+    assert_names(both[1], "servo_1", "load", "0.168 N m", "stall torque", "0.170 N m", "0.300 rad")
     assert motion.stalled(servos, angles, np.array([-2.0, 2.0, 0.0]) * t) == ()  # loads that help
 
 

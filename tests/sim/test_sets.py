@@ -298,7 +298,7 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (['fixed=[{set="ned"}]'], ("fixed.0.set", "'ned'", "all, body, end;")),
+        (['fixed=[{set="ned"}]'], ("fixed.0.set", "'ned'", "all, body, end")),
         ([ALONG, 'set.0.at=0.021'],
          ("set.0", "'end'", "no node", "(0.02, ", "0.001 m", "[0.0, 0.0, 0.0]", "[0.02, 0.01, 0.01] m")),
         (['fixed=[{low=[1,1,1], high=[2,2,2]}]'],
@@ -308,7 +308,7 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
          ("prescribed.0", "fixed.0", "nodes", "along y", "leave them out")),
         (['fixed=[{set="all"}]'], ("fixed.0", "every node")),
         ([ALONG, 'effector={radius=0.02}'], ("fixed.0", "effector", "nodes")),
-        ([ALONG, 'set.0.name="body"'], ("set.0.name", "'body'", "of a body")),
+        ([ALONG, 'set.0.name="body"'], ("set.0.name", "'body'", "of bodies")),
         ([ALONG, 'set=[{name="end", centre=[0.02,0,0]}]'], ("set.0", "centre", "radius")),
         ([ALONG, 'mesh.cells=[1000,1000,1000]'], ("1000000000 cells", "mesh.refine = 0", "at most 1000000")),
         ([ALONG, 'mesh.cells=[50,50,50]', 'mesh.refine=2'], ("8000000 cells", "mesh.refine = 2")),
@@ -321,15 +321,15 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
         (['fixed=[{low=[0,0,0], high=[0,0,1]}]'], ("can turn about (0, 0, ", "through (0, 0, ")),
         ([ALONG, 'set.0.name="all"'], ("set.0.name", "'all'")),
         ([ALONG, 'set.0.at=nan'], ("set.0.at", "nan")),
-        ([ALONG, 'set.0.along=[0,0,0]'], ("set.0.along", "direction", "not zero")),
+        ([ALONG, 'set.0.along=[0,0,0]'], ("set.0.along", "direction", "cannot be zero")),
         ([ALONG, 'set=[{name="end", at=0.1}]'], ("set.0", "along", "at", "beyond", "below")),
         ([ALONG, 'set=[{name="end", axis=[1,0,0]}]'], ("set.0", "axis", "radius")),
         ([ALONG, 'load=[{set="end"}]'], ("load.0", "none", "force, pressure, mass")),
-        ([ALONG, 'load=[{set="end", force=[1,0,0], mass=1.0}]'], ("load.0", "force and mass", "give one")),
+        ([ALONG, 'load=[{set="end", force=[1,0,0], mass=1.0}]'], ("load.0", "force and mass", "exactly one")),
         ([ALONG, 'load=[{set="end", mass=1.0}]'], ("load.0.mass", "gravity", "inertia")),
         ([ALONG, 'set.0.tolerance=0.0', 'set.0.low=[0,0.005,0.005]', 'set.0.high=[1,0.005,0.005]',
           'load=[{set="end", pressure=1.0}]'],
-         ("load.0.set", "'end'", "1 nodes", "no face", "pressure")),
+         ("load.0.set", "'end'", "1 nodes", "no whole face", "pressure")),
         ([ALONG, 'prescribed=[{set="end"}]'], ("prescribed.0", "move", "turn")),
         ([ALONG, 'prescribed=[{set="end", move="0: 1,0,0"}]'],
          ("prescribed.0.move", "[1.0, 0.0, 0.0]", "at 0 s")),
@@ -343,9 +343,9 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
          ("1 [[servo]]", "servos.count is 2")),
         (['servo=[{set="end", hub=[0,0,0], axis=[0,1,0]}]', ALONG], ("1 [[servo]]", "no [servos]")),
         (["servos={count=2}", 'servo=[{set="end", hub=[0,0,0], axis=[0,0,0]}, {set="end", hub=[0,0,0], axis=[0,1,0]}]'],
-         ("servo.0.axis", "direction", "not zero")),
+         ("servo.0.axis", "direction", "cannot be zero")),
         (["servos={count=2}", 'servo=[{set="end", hub=[0,0,0], axis=[0,1,0]}, {set="end", hub=[0,0,0], axis=[0,1,0]}]'],
-         ("servo 1", "servo 0", "nodes")),
+         ("servo_1", "servo_0", "nodes")),
         (['mesh.corners=[[0,0,0]]', ALONG], ("mesh.corners", "1 corners", 8)),
     ],
 )  # fmt: skip
@@ -431,7 +431,7 @@ def test_a_load_that_moves_nothing_is_told_of(load: str, moves: bool, block: str
     low = 'set=[{name="left", along=[1,0,0], at=0}, {name="low", along=[0,0,1], at=0}]'
     fixed = 'fixed=[{set="left"}, {set="low", axes="z"}]'
     notes = Simulation(load_scene(block, [low, "marker=[]", fixed, "gravity={}", f"load=[{load}]"])).notes
-    assert any(names(note, "load.0", "nothing but nodes") for note in notes) != moves
+    assert any(names(note, "load.0", "no effect") for note in notes) != moves
 
 
 def test_places_of_sets(block: str) -> None:

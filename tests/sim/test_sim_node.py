@@ -340,4 +340,4 @@ def test_the_status_names_rigid_bodies_that_the_compliance_leaves_out() -> None:
         return notices(cast(Any, snapshot))
 
     assert words() == ""
-    assert_names(words(0, 2), "compliance", "leaves out", "rigid.0, rigid.2")
+    assert_names(words(0, 2), "compliance", "without", "rigid.0, rigid.2")

@@ -77,7 +77,7 @@ def test_reset_while_a_command_runs_goes_to_the_start_and_stays(make) -> None:
     graph.wait(lambda: graph.joints()[0] < -0.05, "motion")
     answer = graph.reset()
     assert answer.success
-    assert_names(answer.message, "start state")
+    assert_names(answer.message, "start")
     assert graph.joints() == [0, 0, 0, 0]
     graph.next(names.SIM_STATUS, lambda s: s.step > 100)
     assert graph.joints() == [0, 0, 0, 0]
@@ -128,7 +128,7 @@ def test_a_failed_step_is_reported_and_reset_recovers(make, monkeypatch) -> None
         ({"set": "mesh.level=1;servos.angles=[0.1,0,0]", "angle_max": 0.05}, CommandError,
          ("start position", "servo_0", "0.1 rad", "-2.1 to 0.05 rad")),
         ({"set": "mesh.level=1;solver.max_iterations=1;solver.max_halvings=0;servos.angles=[-2,-2,-2]"}, ParameterError,
-         ("scene 'tripod'", "no start state", "step 1 at 0 s")),
+         ("scene 'tripod'", "cannot start", "step 1 at 0 s")),
     ],
 )  # fmt: skip
 def test_bad_parameters_are_refused_by_name(make, parameters, error, named: tuple[str, ...]) -> None:

@@ -277,7 +277,7 @@ FLAT = [[1, 2 * y - 0.5, 2 * z - 0.5] for z in (0, 1) for y in (0, 1)]
         (SolidMesh(row(2).nodes * [-1, 1, 1], row(2).elements), ("elements 0, 1 are inverted",)),
         (changed(row(2), nodes={11: [0.4, 0.4, 0.4]}), ("elements 1 are inverted",)),
         (changed(row(2), nodes=dict(zip(range(8, 12), FLAT, strict=True))), ("elements 1 have no volume",)),
-        (SolidMesh(row(2).nodes * [1, 1, 0] + [0, 0, 1], row(2).elements), ("nodes", "share their position")),
+        (SolidMesh(row(2).nodes * [1, 1, 0] + [0, 0, 1], row(2).elements), ("nodes", "same position")),
         (SolidMesh(row(2).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [4, 8, 9, 5, 10, 10, 11, 11]]),
          ("elements 1 have no volume",)),
         (SolidMesh(row(1).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [0, 4, 5, 1, 2, 2, 3, 3]]), ("elements 1 have no volume",)),
@@ -290,11 +290,11 @@ FLAT = [[1, 2 * y - 0.5, 2 * z - 0.5] for z in (0, 1) for y in (0, 1)]
          ("nodes 12, 13, 14, 15, 16, 17, 18, 19 belong",)),
         (SolidMesh(row(2).nodes, row(1).elements), ("nodes 8, 9, 10, 11 belong", "no element")),
         (SolidMesh(np.vstack([BRICK, row(1).nodes + 1]), [range(8), [8, 12, 13, 9, 10, 14, 15, 11]]),
-         ("nodes 6, 8 share",)),
+         ("nodes 6, 8 have", "same position")),
         (SolidMesh(row(3).nodes, row(3).elements[[0, 1, 2, 1]]), ("elements 1, 3 have", "another element")),
         (SolidMesh(row(2).nodes, np.zeros((0, 8))), ("no elements",)),
         (SolidMesh(np.zeros((0, 3)), np.zeros((0, 8))), ("no elements",)),
-        (SolidMesh(np.zeros((8, 3)), np.arange(8)[None]), ("nodes 0, 1, 2, 3, 4, 5, 6, 7 share",)),
+        (SolidMesh(np.zeros((8, 3)), np.arange(8)[None]), ("nodes 0, 1, 2, 3, 4, 5, 6, 7 have", "same position",)),
         (SolidMesh(BRICK * 1e-170, np.arange(8)[None]), ("elements 0 have no volume",)),
     ],
 )  # fmt: skip
@@ -364,8 +364,8 @@ SWAPPED = PIECE.elements[:, [4, 5, 6, 7, 0, 1, 2, 3]]
     ("mesh", "named"),
     [
         (changed(PIECE, elements={3: SWAPPED[3], 7: SWAPPED[7]}), ("elements 3, 7 are inverted",)),
-        (SolidMesh(PIECE.nodes * [1, 1, 1e-9], PIECE.elements), ("nodes", "share their position")),
-        (SolidMesh(PIECE.nodes * [1, 1, 1e-300] + PIECE.nodes[:, :1] * [0, 0, 1], PIECE.elements), ("nodes", "share")),
+        (SolidMesh(PIECE.nodes * [1, 1, 1e-9], PIECE.elements), ("nodes", "same position")),
+        (SolidMesh(PIECE.nodes * [1, 1, 1e-300] + PIECE.nodes[:, :1] * [0, 0, 1], PIECE.elements), ("same position",)),
         (changed(PIECE, nodes={4: [np.nan, 0, 0]}), ("nodes 4 are", "not finite")),
     ],
 )  # fmt: skip
@@ -392,7 +392,7 @@ def test_a_disc_of_too_few_nodes_is_refused_with_the_radius_that_holds_enough() 
     block = 'mesh={source="block", corners=%s, cells=[2, 2, 1]}' % (
         [[x, y, z] for z in (-0.01, 0.01) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     )
-    with raises_naming(SceneError, "effector.radius", "0.0075 m", "2 of the nodes", "needs 3", "within 1 m"):
+    with raises_naming(SceneError, "effector.radius", "0.0075 m", "2 nodes", "needs 3", "within 1 m"):
         build(load_scene("silicone_free", [block, "effector={}"]))
     with raises_naming(SceneError, "effector.radius", "3 nodes", "on a line", "enlarge"):
         build(load_scene("silicone_free", [block.replace("2, 2, 1]", "2, 2, 2]"), "effector={}"]))

@@ -251,7 +251,7 @@ def test_a_step_that_cannot_be_saved_leaves_the_state(steps: str) -> None:
     solver.options = solver.options._replace(tolerance=1e-30, max_iterations=1)
     solver.problem = solver.problem._replace(rounding=-1.0)
     before = broken.positions.copy()
-    with raises_naming(StepError, "step 1 at 0 s", "parts", "unbalanced force"):
+    with raises_naming(StepError, "step 1 at 0 s", "substeps", "unbalanced force"):
         broken.step()
     np.testing.assert_array_equal(broken.positions, before)
     assert broken.state.errors

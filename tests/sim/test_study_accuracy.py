@@ -221,7 +221,7 @@ def test_every_setting_of_a_study_is_one_of_the_scene_and_keys_differ(name: str)
 
 def test_a_motion_is_refused_where_dt_does_not_meet_the_instants() -> None:
     scene = scene_of("pendulum", {"dt": 0.003})
-    with raises_naming(SceneError, "dt is 0.003 s", "divide 0.05 s"):
+    with raises_naming(SceneError, "dt is 0.003 s", "0.05 s", "multiple"):
         motion(scene, 0.1, 0.05, lambda s: lambda: {})
 
 

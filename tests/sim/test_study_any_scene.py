@@ -140,7 +140,7 @@ def test_a_name_cannot_lead_the_files_elsewhere(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("subject", "named"),
     [
-        (Subject("tripod", ["motion=off"]), ("'tripod'", "at rest", "no servo", "--servo")),
+        (Subject("tripod", ["motion=off"]), ("'tripod'", "at rest", "no servo moves", "--servo")),
         (Subject("tripod", ["motion=off", "inertia=off", "damping=off"]), ("'tripod'", "static", "no servo")),
         (Subject("silicone", servo="0:0,0,0"), ("'silicone'", "no servos")),
         (Subject("silicone", slide="0.01"), ("'silicone'", "no servos")),
@@ -197,7 +197,8 @@ def test_where_nothing_moves_there_are_no_errors_and_a_way_out_is_told(tmp_path:
     path.write_text(STRIP.format(name="still").replace("[gravity]", "").partition("[[fixed]]")[0])
     result = made(plan(Subject(str(path)), quick=True))
     assert result["front"] == []
-    assert_names(result["reference"]["message"], "nothing", "moves (body)", "gravity", "load")  # type: ignore[index]
+    said = result["reference"]["message"]  # type: ignore[index]
+    assert_names(said, "body", "gravity", "load", "servo", "initial velocity", "[[marker]]")
 
 
 def test_a_motion_that_no_steps_can_tell_is_called_so() -> None:

@@ -125,11 +125,9 @@ def test_advice_names_the_knob_that_saves_most() -> None:
     assert_names(none, "no setting", "10 %")
 
 
-def test_the_document_is_of_the_shipped_studies() -> None:
-    text = accuracy_docs.DOCUMENT.read_text(encoding="utf-8")
+def test_the_shipped_studies_are_whole() -> None:
     found = accuracy_docs.studies()
     assert {r["study"] for r in found} >= {"tripod_static", "tripod_dynamic"}
-    assert accuracy_docs.document(found, text) == text, "run python benchmarks/accuracy_docs.py"
     assert not any(r["quick"] for r in found)
 
 

@@ -164,7 +164,7 @@ def test_driven_frames_follow_circle_and_slide() -> None:
 
 def test_groups_refuse_overlap_and_a_body_without_freedom() -> None:
     a, b = np.arange(4), np.arange(3, 8)
-    with raises_naming(SceneError, "rigid body 1", "rigid body 0", "overlap", "nodes 3"):
+    with raises_naming(SceneError, "rigid body 1", "rigid body 0", "both", "nodes 3"):
         Groups(20, rigid=(a, b))
-    with raises_naming(SceneError, "nothing", "free"):
+    with raises_naming(SceneError, "every node", "held", "hold fewer nodes"):
         Groups(8, rigid=(np.arange(4),), fixed=np.arange(4, 8))

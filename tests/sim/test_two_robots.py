@@ -70,7 +70,7 @@ def test_at_rest_a_second_body_that_is_held_bends_as_one_alone() -> None:
 @pytest.mark.parametrize(
     ("override", "named"),
     [
-        ("body.1.servos.clamp_radius=0.06", ("body.1.servos.clamp_radius", "0.06 m", "servo 0", "no node", "nearest")),
+        ("body.1.servos.clamp_radius=0.06", ("body.1.servos.clamp_radius", "0.06 m", "servo_0", "no node", "nearest")),
         ("body.1.effector.radius=1e-4", ("body.1.effector.radius", "0.0001 m", "no node")),
         ("body.1.servos.angles=[0,0]", ("body.1.servos.angles", "2 values", "3")),
         ("body.1.servos.slide=0.01", ("body.1.servos.slide", "0.01 m", "body.0.servos.slide", "0.0 m", "same")),

@@ -229,13 +229,13 @@ def test_a_digit_chooses_what_plus_and_minus_move_of_any_number_of_servos() -> N
     made.setpoint(joints, 1.0)
     made.act(KEYS["4"], joints, 101.0, 1.0)
     assert made.chosen == 4
-    assert_names(made.notice, "+", "-", "servo 4")
+    assert_names(made.notice, "+", "-", "servo_4")
     made.act(KEYS["-"], joints, 101.0, 1.0)
     points = [made.setpoint(joints, 1.0 + 0.05 * i) for i in range(1, 10)]
     assert points[-1] == pytest.approx([-0.1, -0.2, -0.3, -0.4, -0.6, 0.02])
     made.act(Choose(5), joints, 102.0, 2.0)
     assert made.chosen == 4
-    assert_names(made.notice, "no servo 5", "has 5")
+    assert_names(made.notice, "no servo_5", "has 5")
     made.act(Act.WORK, joints, 103.0, 2.0)
     assert made.setpoint(joints, 12.0) == pytest.approx([-1.4965] * 5 + [0.035])
     made.act(Act.CATCH, joints, 104.0, 13.0)
@@ -254,7 +254,7 @@ def test_plus_without_a_servo_says_so() -> None:
     made = Operator("teleop", Drive(CommandLimits(count=2), speed=0.5, hold=0.2, pose_time=3.0))
     made.act(Act.TELEOP, (0.0, 0.0), 100.0, 0.0)
     made.act(KEYS["+"], (0.0, 0.0), 100.0, 0.5)
-    assert_names(made.notice, "no servo 2", "has 2")
+    assert_names(made.notice, "no servo_2", "has 2")
 
 
 def test_a_simulator_and_a_driver_of_other_robots_are_no_place_to_start_from() -> None:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.messages import raises_naming
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -36,12 +38,20 @@ def test_the_page_of_time_steps_shows_what_its_tables_hold() -> None:
         assert f"<!-- {name} -->\n\n" + "\n".join(lines) + f"\n\n<!-- end {name} -->" in page
 
 
-def test_the_page_of_verification_shows_what_its_table_holds() -> None:
-    from benchmarks import stability
+def test_the_page_of_inverse_kinematics_sums_up_its_circles() -> None:
+    import ik_circles
 
-    page = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
-    lines = stability.summary()
-    assert len(lines) == 2 + len(stability.CASES)
-    assert "<!-- stability -->\n\n" + "\n".join(lines) + "\n\n<!-- end stability -->" in page
-    passed = sum(int(line.split(" of ")[0].rsplit(" ", 1)[-1]) for line in lines[2:])
-    assert f"{passed} runs of {passed}" in page
+    page = (ROOT / "docs" / ik_circles.PAGE).read_text(encoding="utf-8")
+    part = page.partition("<!-- ik circles: summary -->")[2].partition("<!-- end")[0]
+    assert ik_circles.summary(page).split() == part.split()
+
+
+def test_a_part_of_a_page_is_read_as_it_was_written() -> None:
+    from benchmarks.doc_parts import part, renewed, table_of
+
+    lines = ["Of 3.", "", "| a | b |", "|---|---|", "| 1 |  |", "| 2 | x, y |", "", "After."]
+    text = renewed("# Page\n\n<!-- one -->\n<!-- end one -->\n", "one", lines)
+    assert part(text, "one") == lines
+    assert table_of(text, "one") == [{"a": "1", "b": ""}, {"a": "2", "b": "x, y"}]
+    with raises_naming(ValueError, "<!-- two -->"):
+        part(text, "two")

@@ -13,8 +13,20 @@ from tests.messages import assert_names
 from tools import labs
 
 NAMES = labs.names()
-PARTS = ("## What does accuracy cost?", "**Question:", "## Break it", "## Repair it", "## On your own")
-LARGEST = 400_000
+PARTS = (
+    "- **Objectives**:",
+    "- **Prerequisites**:",
+    "- **Time**:",
+    "## Equations",
+    "## What does accuracy cost?",
+    "**Question:",
+    "## Break it",
+    "## Repair it",
+    "## Questions",
+    "<details><summary>Solutions</summary>",
+    "</details>",
+)
+LARGEST = 600_000
 """Bytes of a notebook, pictures included."""
 
 
@@ -48,11 +60,13 @@ def test_a_notebook_has_pictures_and_no_error_in_it(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_lab_asks_a_question_and_has_something_to_break_and_repair(name: str) -> None:
+def test_a_lab_has_its_parts_in_their_order(name: str) -> None:
     words = "\n".join(c.source for c in labs.cells(name).cells if c.cell_type == "markdown")
     at = [words.find(part) for part in PARTS]
     assert min(at) > 0
     assert at == sorted(at)
+    questions, solutions = words[at[-3] :].split("<details>")
+    assert len(re.findall(r"^\d\. ", questions, re.M)) == len(re.findall(r"^<p>\d\. ", solutions, re.M)) >= 2
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """What README.md and the documents name is there: links, commands, their options, files that they read."""
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -26,6 +27,8 @@ GIVEN = {
     "robot.yaml",
     "robot.toml",
     "robot.json",
+    "robot.html",
+    "bridge.toml",
     "robot_scene.toml",
     "ost.yaml",
     "poses.csv",
@@ -74,6 +77,23 @@ def test_the_readme_is_short() -> None:
     assert len(README.split()) <= 900
 
 
+def test_the_comparison_has_the_figures_of_the_peers() -> None:
+    rows = json.loads((ROOT / "docs" / "peers.json").read_text(encoding="utf-8"))["rows"]
+    [line] = [line for line in README.splitlines() if line.startswith("| [speed at equal error]")]
+    own, _, mujoco, newton = line.split("|")[2:6]
+    for cell, peer, setting in (
+        (own, "tripod", "h8_modes, 5 x 1 x 1"),
+        (mujoco, "MuJoCo", "quadratic, 8 x 1 x 1"),
+        (newton, "Newton", "10 iterations, dt 2 ms"),
+    ):
+        [row] = [
+            r for r in rows if (r["case"], r["peer"]) == ("cantilever rest", peer) and setting in r["setting"]
+        ]
+        error, time, unit = re.findall(r"([\d.]+) % in ([\d.]+) (m?s)", cell)[0]
+        assert float(error) == pytest.approx(row["error"], rel=0.05)
+        assert float(time) * (1e-3 if unit == "ms" else 1) == pytest.approx(row["cpu"], rel=0.05)
+
+
 def test_programs_that_are_named_exist() -> None:
     programs = re.findall(
         r"`(?:python )?((?:benchmarks|docs|tripod_\w+)/[\w./-]+)[ `]", "\n".join(TEXTS.values())
@@ -91,8 +111,10 @@ def test_each_command_has_the_options_and_finds_the_files_that_it_is_shown_with(
     from typer.main import get_command
 
     from tripod_bringup.cli import app
+    from tripod_bringup.command_groups import RENAMED
 
     words = shlex.split(line)[1:]
+    words = [*RENAMED.get(words[0], words[:1]), *words[1:]]  # old names still work
     command = get_command(app)
     while words and words[0] in getattr(command, "commands", {}):
         command = command.commands[words.pop(0)]

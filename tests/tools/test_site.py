@@ -1,8 +1,6 @@
 """The site of the documentation: it builds without a warning, every page is in its menu, and it asks no network."""
 
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -10,7 +8,8 @@ from urllib.parse import unquote, urlsplit
 import pytest
 import yaml
 
-ROOT = Path(__file__).parents[2]
+from tests.tools.site import ROOT, build_site
+
 FETCHED = re.compile(r"url\(\s*['\"]?(https?:)?//|@import\s+['\"]?(url\()?https?:")
 """What a style sheet would load from a network."""
 
@@ -36,19 +35,15 @@ class Found(HTMLParser):
             self.loads.append(given[LOADS[tag]])
         if tag == "a" and given.get("href"):
             self.links.append(given["href"])
-            if "nav-link" in given.get("class", "") or "dropdown-item" in given.get("class", ""):
+            if "md-nav__link" in given.get("class", "") or "md-tabs__link" in given.get("class", ""):
                 self.menu.append(given["href"])
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Found]:
     """Every page of the site, just built, by its path."""
-    pytest.importorskip("mkdocs")
-    pytest.importorskip("rclpy")  # the parameters of the nodes are written from their tables
     folder = tmp_path_factory.mktemp("site")
-    words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    build_site(folder)
     own = {folder / "maze_game.html", folder / "404.html"}
     return {path: Found(path) for path in folder.rglob("*.html") if path not in own}
 
@@ -63,7 +58,9 @@ def menu_of(entries: object) -> list[str]:
 
 
 def test_every_document_is_in_the_menu() -> None:
-    pages = menu_of(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"])
+    settings = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    pages = menu_of(settings["nav"])
+    assert set(settings["extra"]["keywords"]) <= set(pages)
     assert len(pages) == len(set(pages))
     assert {path.name for path in (ROOT / "docs").glob("*.md")} <= set(pages)
 

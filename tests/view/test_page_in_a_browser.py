@@ -26,7 +26,9 @@ from tests import messages
 from tests.domains import own_domain
 from tests.view.shown_scene import show
 from tests.view.stage import DEADLINE, Stage
+from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
+from tripod_graph.diagnostic_keys import Recording
 from tripod_graph.diagnostics import Level, status_message
 from tripod_graph.qos import RELIABLE
 from tripod_sim.accuracy.choice import percent
@@ -385,11 +387,12 @@ def test_a_recorder_is_started_and_stopped(stage: Stage, browser: Any) -> None:
             assert asked[-1] == wanted
         health = stage.sim.create_publisher(DiagnosticArray, names.DIAGNOSTICS, RELIABLE)
         name = f"{stage.view.namespace}/record"
-        values = {"path": "there.mcap"}
+        values = {keys.STATE: Recording.ON, keys.PATH: "there.mcap"}
         health.publish(DiagnosticArray(status=[status_message(name, "", Level.OK, "recording", values)]))
         opened.text("#record:enabled", "Stop recording")  # which somebody else began
         opened.text("#recording", "recording", "there.mcap")
         ended = "recording ended: no space"
+        values[keys.STATE] = Recording.ENDED
         health.publish(DiagnosticArray(status=[status_message(name, "", Level.ERROR, ended, values)]))
         opened.text("#recording", ended, "there.mcap")
         opened.wait("document.querySelector('#record').textContent === 'Record'")

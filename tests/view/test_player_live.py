@@ -121,7 +121,7 @@ ARMS = np.tile([0.0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0.02, 0.01, 0.03], (2, 1))
         (lambda a: a.update(time=np.array(1.0)), ("time", "shape", "steps")),
         (changed("time", 3, np.nan), ("time", "finite")),
         (lambda a: a.update(positions=a["positions"].ravel()), ("positions", "shape", "steps, any, 3")),
-        (lambda a: a.update(positions=a["positions"].astype(str)), ("positions", "kind")),
+        (lambda a: a.update(positions=a["positions"].astype(str)), ("positions", "type <U32")),
         (changed("positions", (4, 1, 2), np.inf), ("finite positions",)),
         (lambda a: a.update(energies=np.zeros((101, 2))), ("energies", "(101, 2)", "steps, 3")),
         (changed("triangles", (0, 1), 3), ("triangles", "number 0", "nodes", "0 to 2")),
@@ -250,7 +250,7 @@ def test_of_a_long_recording_only_what_is_shown_is_read(tmp_path: Path) -> None:
     [
         (lambda a: a.update(arms=np.zeros((10_000, 13))), {"MOST_STILL": 100_000}, ("arms", "1e+05")),
         (lambda a: a, {"MOST_ROW": 71}, ("positions", "72 bytes", "each step")),
-        (lambda a: a.update(units=np.array([{}])), {}, ("no recording", "units")),
+        (lambda a: a.update(units=np.array([{}])), {}, ("not a recording", "units")),
     ],
 )  # fmt: skip
 def test_a_small_file_of_large_arrays_is_refused(
@@ -279,7 +279,7 @@ def test_a_recording_cut_within_its_steps_is_named(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "w") as cut:
         for name, data in members.items():
             cut.writestr(name, data)
-    with raises_naming(FilmError, path, "no recording", "positions", "step 100"):
+    with raises_naming(FilmError, path, "not a recording", "positions", "step 100"):
         film_of(read_run(path))
 
 
@@ -289,13 +289,13 @@ def test_a_recording_is_read_and_anything_else_is_named(tmp_path: Path) -> None:
     assert film_of(read_run(path)).times.tolist() == film_of(arrays()).times.tolist()
     other = tmp_path / "run.txt"
     other.write_text("words")
-    with raises_naming(FilmError, other, ".npz", "tripod run --out run.npz"):
+    with raises_naming(FilmError, other, ".npz", "--out run.npz"):
         read_run(other)
     path.write_text("words")
-    with raises_naming(FilmError, path, "no recording"):
+    with raises_naming(FilmError, path, "not a recording"):
         read_run(path)
     np.savez(path, scene=np.array([{"code": 1}], dtype=object))
-    with raises_naming(FilmError, path, "no recording", "object arrays"):
+    with raises_naming(FilmError, path, "not a recording", "object arrays"):
         read_run(path)
 
 

@@ -68,7 +68,7 @@ def test_a_taken_port_is_reported_with_the_one_that_it_took(domain: int) -> None
             code, errors = view.stop()
     port = int(url.split(":")[2].split("/")[0])
     assert port > taken
-    named = (f"port {taken}", "taken", f"port {port}")
+    named = (f"port {taken}", "in use", f"port {port}")
     line_naming(printed, *named)
     line_naming(errors, *named)  # the log
     assert code == 0

@@ -90,14 +90,17 @@ def serial_ports(by_id: Path = BY_ID) -> list[FoundPort]:
     ]
 
 
-def find_board(ports: Sequence[FoundPort]) -> FoundPort:
-    """Return the only port with a known board; raise PortError, listing what there is, if it is not one."""
+def find_board(ports: Sequence[FoundPort], option: str = "--set port=PATH") -> FoundPort:
+    """Return the only port with a known board; raise PortError, listing what there is, if it is not one.
+
+    `option`: what names a port, as the message says it.
+    """
     boards = [p for p in ports if p.board]
     if len(boards) == 1:
         return boards[0]
     if boards:
-        raise PortError(f"{len(boards)} boards found: {listing(boards)}; choose one with port:=PATH")
-    raise PortError(f"no board found; serial ports: {listing(ports)}; plug it in or give port:=PATH")
+        raise PortError(f"{len(boards)} boards found: {listing(boards)}; choose one with {option}")
+    raise PortError(f"no board found; serial ports: {listing(ports)}; plug it in or give {option}")
 
 
 def listing(ports: Sequence[FoundPort]) -> str:

@@ -28,4 +28,4 @@ def choose_port(
         return PseudoTerminalPort()
     if word == AUTO or word.startswith("/"):
         return SerialPort(word, baud=baud, boot_time=boot_time, write_timeout=write_timeout)
-    raise ValueError(f"port {word!r} is none of: {CHOICES}")
+    raise ValueError(f"port {word!r} is unknown; allowed: {CHOICES}")

@@ -43,7 +43,7 @@ class PseudoTerminalPort(Port):
         try:
             near, far = os.openpty()
         except OSError as error:
-            raise PortError(f"no pseudo-terminal to be had: {error}") from error
+            raise PortError(f"no pseudo-terminal can be opened: {error}") from error
         tty.setraw(far)  # the far end stays open here, so that readers may come and go
         os.set_blocking(near, False)
         self._ends = near, far

@@ -104,7 +104,10 @@ class SerialPort(Port):
         try:
             self._serial.write(data)
         except serial.SerialTimeoutException as error:
-            message = f"{self.name} took no bytes for {self._write_timeout:g} s; is the board alive?"
+            message = (
+                f"{self.name} accepted no data for {self._write_timeout:g} s; is the board running? Check "
+                "cable and power"
+            )
             raise PortError(message) from error
         except (OSError, termios.error) as error:
             raise PortError(f"{self.name} was lost ({error}); check cable and power") from error
@@ -139,7 +142,7 @@ def reason_not_opened(path: str, error: Exception) -> str:
     inner = error.__context__  # pyserial puts into words what the system says of a setting
     number = inner.args[0] if isinstance(inner, termios.error) else getattr(error, "errno", None)
     if number in (errno.ENOTTY, errno.EISDIR):
-        return f"{path} is no serial port; serial ports: {listing(serial_ports())}"
+        return f"{path} is not a serial port; serial ports: {listing(serial_ports())}"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return f"{path} does not exist; serial ports: {listing(serial_ports())}"
     if number in (errno.EACCES, errno.EPERM):
@@ -147,7 +150,7 @@ def reason_not_opened(path: str, error: Exception) -> str:
         return f"no permission to open {path}; run: sudo usermod -aG {group} $USER, then log out and in again"
     if number in (errno.EAGAIN, errno.EBUSY):
         who = ", ".join(map(str, holders(path))) or "another program"
-        return f"{path} is in use by {who}; stop that one"
+        return f"{path} is in use by {who}; stop that program"
     return f"{path} cannot be used as a serial port: {error}"
 
 

@@ -23,8 +23,8 @@ class Place(IntEnum):
 
 PLACES = {
     Place.PLAYING: "in play",
-    Place.IN_HOLE: "lost: it fell through a hole",
-    Place.LEFT: "lost: it left the board",
+    Place.IN_HOLE: "lost: the ball fell through a hole",
+    Place.LEFT: "lost: the ball left the board",
 }
 
 ABYSS = 0.5

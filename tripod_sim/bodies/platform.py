@@ -207,7 +207,8 @@ class Bending:
             self._stepper(system).step(state, state.joints.copy(), 0.0)
         except StepError as error:
             raise SceneError(
-                f"platform: no equilibrium once it is let go, with all sets in their places: {error}"
+                "platform: no equilibrium was found once the platform is free, with all its sets in place: "
+                f"{error}; check hold, point, to and turn, or start from another platform position"
             ) from error
         state.time, state.step = 0.0, 0
         return state
@@ -218,9 +219,9 @@ class Bending:
         worst = int(np.argmax(left))
         field = motions[worst][1]
         raise SceneError(
-            f"{field}: set {self._name(field)!r} misses its place by {1e3 * left[worst]:.3g} mm: after "
-            f"{100 * share:.0f} % of the way nothing bends further; check point, to and turn, or begin with another "
-            f"platform position ({error})"
+            f"{field}: set {self._name(field)!r} misses its place by {1000.0 * left[worst]:.3g} mm: after "
+            f"{100 * share:.0f} % of the way the bodies bend no further; check point, to and turn, or "
+            f"start from another platform position ({error})"
         ) from error
 
     def _check_length(self, field: str, motion: Motion, system: System, state: State) -> None:
@@ -232,11 +233,11 @@ class Bending:
             before, after = lengths(body, motion.nodes, system, state)
             if after > (1 + allowed) * before:
                 raise SceneError(
-                    f"{field}: set {self._name(field)!r} misses its place by {1e3 * (after - before):.3g} mm: body "
-                    f"{body.table.name!r} is {1e3 * before:.4g} mm long from what holds it to there and would be "
-                    f"stretched to {1e3 * after:.4g} mm, by {100 * (after / before - 1):.0f} %; "
-                    f"{field.partition('.hold')[0]}.stretch allows {100 * allowed:g} %: move the platform or what "
-                    "holds the body, or allow more"
+                    f"{field}: set {self._name(field)!r} misses its place by {1000.0 * (after - before):.3g} mm. "
+                    f"Body {body.table.name!r} is {1000.0 * before:.4g} mm long from where it is held to that set "
+                    f"and would be stretched to {1000.0 * after:.4g} mm, by {100 * (after / before - 1):.0f} %; "
+                    f"{field.partition('.hold')[0]}.stretch allows {100 * allowed:g} %. Move the platform or what "
+                    "holds the body, or set a larger stretch"
                 )
 
     def _name(self, field: str) -> str:

@@ -31,8 +31,8 @@ def tied(assembly: Assembly, ties: Sequence[Tie], sets: NodeSets) -> Assembly:
         if (within := owner[one] == owner[partner]).any():
             names = names_of(one[within])
             raise SceneError(
-                f"tie.{i} ties nodes {names} of {assembly.bodies[owner[one[within][0]]].table.name!r} to the body "
-                "itself; name sets of two bodies"
+                f"tie.{i} ties nodes {names} of {assembly.bodies[owner[one[within][0]]].table.name!r} to the "
+                "same body; name sets of two bodies"
             )
         pairs.append(np.column_stack([one, partner]))
     connected = parts([owner[pair] for pair in pairs], len(assembly.bodies))
@@ -45,8 +45,8 @@ def tied(assembly: Assembly, ties: Sequence[Tie], sets: NodeSets) -> Assembly:
         own = number[body.nodes]
         if len(np.unique(own)) < len(own):
             raise SceneError(
-                f"ties make one node of several of body {body.table.name!r}; tie each to another one, or make the "
-                "meshes fit"
+                f"ties join several nodes of body {body.table.name!r} into one; tie each to another node, or "
+                "make the meshes fit"
             )
         bodies.append(replace(body, nodes=own, tied=int(connected[k])))
     return Assembly([_moved(body, nodes) for body in bodies])
@@ -65,8 +65,8 @@ def _partners(assembly: Assembly, one: IndexArray, other: IndexArray, i: int, ti
         worst = far[np.argmax(apart[far])]
         place = ", ".join(f"{1e3 * c:.3g}" for c in assembly.nodes[one[worst]])
         raise SceneError(
-            f"tie.{i}: {len(far)} of {len(one)} nodes of {tie.set!r} miss {tie.to!r}, the worst at ({place}) mm by "
-            f"{1e3 * apart[worst]:.3g} mm; tie.{i}.within allows {1e3 * tie.within:.3g} mm: move a body, name "
-            "a smaller set, or allow more"
+            f"tie.{i}: {len(far)} of {len(one)} nodes of {tie.set!r} are too far from {tie.to!r}, the "
+            f"worst at ({place}) mm by {1000.0 * apart[worst]:.3g} mm; tie.{i}.within allows "
+            f"{1000.0 * tie.within:.3g} mm: move a body, name a smaller set, or set a larger within"
         )
     return other[nearest]

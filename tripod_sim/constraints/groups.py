@@ -82,17 +82,21 @@ class Groups:
     def __post_init__(self) -> None:
         owner: dict[int, str] = {}
         named = [(f"rigid body {i}", nodes) for i, nodes in enumerate(self.rigid)]
-        named += [(f"servo {i}", frame.nodes) for i, frame in enumerate(self.driven)]
+        named += [(f"servo_{i}", frame.nodes) for i, frame in enumerate(self.driven)]
         for name, nodes in [*named, ("the fixed regions", self.fixed)]:
             if name != "the fixed regions" and len(nodes) < 3:
-                raise SceneError(f"{name} holds {len(nodes)} nodes of the mesh; it needs at least 3")
+                raise SceneError(
+                    f"{name} holds {len(nodes)} nodes of the mesh; it needs at least 3: refine the mesh or "
+                    "enlarge what it holds"
+                )
             if shared := [n for n in nodes.tolist() if n in owner]:
                 raise SceneError(
-                    f"{name} and {owner[shared[0]]} overlap at nodes {names_of(np.array(shared))}"
+                    f"{name} and {owner[shared[0]]} both hold nodes {names_of(np.array(shared))}; leave them out "
+                    "of one of the two"
                 )
             owner.update(dict.fromkeys(nodes.tolist(), name))
         if len(owner) == self.size:
-            raise SceneError("the groups hold every node of the mesh; nothing is free to deform")
+            raise SceneError("every node of the mesh is held, so nothing can deform; hold fewer nodes")
 
     def placed(self, rest: FloatArray) -> FloatArray:
         """Return `rest`, undeformed places of nodes [m], shape (size, 3), with those of `places` in their stead."""

@@ -25,7 +25,7 @@ def held_groups(draft: Draft) -> Groups:
     fields = [field for field, *_ in discs_of(draft.scene)]
     fields += [f"platform.{i}" for i in range(len(draft.scene.platform))]
     groups = [Holding(name, body, AXES) for name, body in zip(fields, draft.rigid, strict=True)]
-    groups += [Holding(f"servo {i}", frame.nodes, AXES) for i, frame in enumerate(draft.driven)]
+    groups += [Holding(f"servo_{i}", frame.nodes, AXES) for i, frame in enumerate(draft.driven)]
     for name, held, axes in (*groups, *draft.fixed, *draft.moved):
         names.append(name)
         for axis in map(AXES.index, axes):
@@ -39,7 +39,7 @@ def held_groups(draft: Draft) -> Groups:
                 )
             owner[held, axis] = len(names) - 1
     if (owner >= 0).all():
-        raise SceneError(f"{', '.join(names)} hold every node; nothing is free to deform")
+        raise SceneError(f"{', '.join(names)} hold every node, so nothing can deform; hold fewer nodes")
     own = owner >= len(groups)
     whole = np.flatnonzero(own.all(axis=1))
     single = own.copy()

@@ -110,7 +110,10 @@ class Reduction:
             two = ((of_body != of_body.max(axis=1, keepdims=True)) & (of_body >= 0)).any(axis=1)
             if two.any():
                 e = np.flatnonzero(two)[0]
-                raise SceneError(f"element {e} touches two rigid bodies; refine the mesh between them")
+                raise SceneError(
+                    f"element {e} touches two rigid parts (disc, fixed or driven nodes); refine the mesh between "
+                    "them"
+                )
         self.pattern, self._pairs, self._bound, self._body_slots, self._node_slots = self._symbolic()
         self.drive = np.zeros((self.unknowns, self.driven))
         self.drive_drive = np.zeros((self.driven, self.driven))

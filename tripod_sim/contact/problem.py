@@ -198,7 +198,9 @@ class StepProblem:
         self.serves = self.serves and self.lasting
         self._factored = self._fits(lambda: self._joint.factor(self._contacts, u), u)
         if not self._factored:
-            raise DescentError("the tangent is singular or not finite")
+            raise DescentError(
+                "the stiffness matrix is singular or not finite; is a part of the body held by nothing?"
+            )
 
     def _solve(self, r: FloatArray) -> FloatArray:
         """Return H^-1 r."""
@@ -227,8 +229,8 @@ class StepProblem:
                 break
         else:
             raise DescentError(
-                "there is no potential where it begins: a number is not finite, or modes of elements do not balance to "
-                "solver.tolerance"
+                "the step begins in a state without energy: a number is not finite, or an element has no "
+                "equilibrium inside; take a smaller dt or another mesh.element"
             )
         fresh, size, previous = False, np.inf, np.inf
         enough = tolerance * (
@@ -246,7 +248,9 @@ class StepProblem:
             if not scale and fresh:
                 if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
                     break
-                raise DescentError(f"no descent along a step of {size:.3g} m")
+                raise DescentError(
+                    f"the energy falls along no direction, at a step of {size:.3g} m; take a smaller dt"
+                )
             # of its error a step leaves what the one before did
             near = (
                 scale == 1.0

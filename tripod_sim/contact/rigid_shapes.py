@@ -61,7 +61,8 @@ def solid_of(surface: SurfaceMesh, field: str) -> Shape:
     """
     if not surface.watertight:
         raise SceneError(
-            f"{field}: the surface is open; a rigid body needs a closed one, an obstacle may be open"
+            f"{field}: the surface is open; a rigid body needs a closed one: close its holes, or make it "
+            "one of the [[obstacles]], which may be open"
         )
     middle = surface.vertices.mean(axis=0)
     a, b, c = np.moveaxis((surface.vertices - middle)[surface.triangles], 1, 0)
@@ -69,7 +70,8 @@ def solid_of(surface: SurfaceMesh, field: str) -> Shape:
     volume, total = float(volumes.sum()), a + b + c
     if not volume > 0:
         raise SceneError(
-            f"{field}: the surface encloses {volume:.3g} m³, so it faces inward; turn the order of its triangles round"
+            f"{field}: the surface encloses {volume:.3g} m³, so its triangles face inward; reverse their "
+            "node order (flip the normals)"
         )
     centre = np.asarray((volumes[:, None] * total).sum(axis=0) / (4 * volume))
     moment = np.einsum("t,ti,tj->ij", volumes, total, total)

@@ -89,8 +89,8 @@ def check_beside(rigid: RigidSet, soft: Part) -> None:
     for k, field in enumerate(rigid.fields):
         if overlaps(rigid.placed(k, rigid.start), soft):
             raise SceneError(
-                f"{field} passes through the soft body, which the servos bring there at the start; move {field}, or "
-                "change servos.angles"
+                f"{field} passes through the soft body at the start, where servos.angles bring it; move "
+                f"{field}, or change servos.angles"
             )
 
 
@@ -110,6 +110,9 @@ def put_back(rigid: RigidSet, state: RigidState, number: int, beside: list[tuple
     others = [(field, rigid.placed(k, state)) for k, field in enumerate(rigid.fields) if k != number]
     for name, other in others + beside:
         if overlaps(here, other):
-            raise SceneError(f"{rigid.fields[number]} cannot go back to where it begins: {name} is there now")
+            raise SceneError(
+                f"{rigid.fields[number]} cannot return to its start: {name} is there now; move that away "
+                "first, or reset all"
+            )
     for of, begin in zip(vars(state).values(), vars(rigid.start).values(), strict=True):
         of[number] = begin[number]

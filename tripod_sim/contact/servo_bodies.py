@@ -57,7 +57,7 @@ class ServoBodies(Body):
         """Return the surfaces where they are, by name."""
         moves = self._slide * self._inward
         return [
-            (f"the body of servo {i}", replace(part, vertices=part.vertices + move))
+            (f"the body of servo_{i}", replace(part, vertices=part.vertices + move))
             for i, (part, move) in enumerate(zip(self.parts, moves, strict=True))
         ]
 

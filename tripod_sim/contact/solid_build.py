@@ -98,7 +98,8 @@ def placed_bodies(assembly: Assembly, sets: NodeSets, scene: Scene, contact: Con
         elif np.isin(assembly.bodies[first].nodes, held).any():
             if passing(part, others).size:
                 raise SceneError(
-                    f"contact.start is 'lift', but {name} is held where it is, in what it passes through; move that"
+                    f"contact.start is 'lift', but {name} is held inside something that it passes through; move "
+                    "that"
                 )
         else:
             move = lift(part, others, upward(scene), contact.contact_distance, name)

@@ -86,8 +86,9 @@ def check_itself(body: Part, distance: float) -> None:
     mark_passing(surfaces.edges, surfaces.triangles, x, marked, THIN * distance)
     if marked.any():
         raise SceneError(
-            f"nodes {names_of(np.flatnonzero(marked))} of the body pass through the body itself at the start, and no "
-            "lift parts it; change its shape, or set contact.self_contact = false"
+            f"nodes {names_of(np.flatnonzero(marked))} of the body pass through the body itself at the "
+            "start, and lifting does not separate them; change its shape, or set contact.self_contact = "
+            "false"
         )
 
 
@@ -103,9 +104,11 @@ def near_itself(body: Part, distance: float, name: str = "the body") -> tuple[st
     gaps = np.linalg.norm(np.einsum("ck,cki->ci", weights, x[vertices]), axis=1)
     nodes = np.unique(vertices[weights != 0])
     return (
-        f"nodes {names_of(nodes)} of {name} begin nearer to other parts of it than contact.contact_distance, "
-        f"{distance:g} m, the nearest {gaps.min():.3g} m away: contact parts them at once; make "
-        "contact.contact_distance smaller",
+        (
+            f"nodes {names_of(nodes)} of {name} begin nearer to other parts of it than "
+            f"contact.contact_distance, {distance:g} m; the nearest are {gaps.min():.3g} m away. Contact "
+            "pushes them apart at once; make contact.contact_distance smaller"
+        ),
     )
 
 
@@ -168,7 +171,7 @@ def height_that_frees(clear: Callable[[float], bool], distance: float, whom: str
             break
         high *= 2.0
     else:
-        raise SceneError(f"contact.start is 'lift', but no lift frees {whom}; move one of them")
+        raise SceneError(f"contact.start is 'lift', but lifting does not free {whom}; move one of them")
     low = 0.0 if high == distance else 0.5 * high
     while high - low > distance:
         middle = 0.5 * (low + high)

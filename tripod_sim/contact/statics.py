@@ -75,5 +75,6 @@ class ContactStatics(ContactStepper):
             if failures > self.FAILURES:
                 break
         raise DescentError(
-            f"no equilibrium among the obstacles, unbalanced force {self._unbalanced:.3g} N above {self._tolerance:g} N"
+            f"no equilibrium with the obstacles was found: the unbalanced force is {self._unbalanced:.3g} "
+            f"N, above {self._tolerance:g} N; move the obstacles or the servos in smaller steps"
         )

@@ -45,11 +45,15 @@ class ContactStepper:
         except DescentError as error:
             self.forget()
             raise StepError(
-                f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts: {error}"
+                f"step {state.step + 1} at {state.time:.4g} s cannot be solved, even with smaller time steps: "
+                f"{error}"
             ) from error
         if not np.isfinite(world.positions_now()).all():
             self.forget()
-            raise StepError(f"step {state.step + 1} at {state.time:.4g} s: a number is not finite")
+            raise StepError(
+                f"step {state.step + 1} at {state.time:.4g} s: a number is not finite; take a smaller dt, and "
+                "check units and stiffness"
+            )
         if nodes:
             nodes.store(state)
             if world.some_held:

@@ -455,12 +455,12 @@ class World:
             self.solved = outcome.solved
             if not (bounded and outcome.done and bounded.exceeds(u[: bounded.unknowns])):
                 return outcome
-            why = f"gaps, slips or lengths are still {outcome.residual:.2g} m off"
+            why = f"gaps, slips or lengths are still {outcome.residual:.2g} m off; take a smaller dt"
             bounded.tighten()  # what hangs on the body may be far heavier than its nodes
             self.problem.renew()
         if bounded:
             bounded.forget()
-        raise DescentError(f"strain_limit cannot be met: {why}")
+        raise DescentError(f"strain_limit cannot be kept: {why}; set a larger one, or hold fewer nodes")
 
     def _cut(self, u: FloatArray, share: float) -> None:
         """Shorten the moves `u` until nothing is passed. Raises DescentError where that is not due to these."""
@@ -473,7 +473,8 @@ class World:
                 return
             if not np.abs(u).max(initial=0.0) > TINY:
                 raise DescentError(
-                    "what is held or driven goes through something, and there neither side yields"
+                    "what is held or driven goes through something that cannot give way; move one of the two, or "
+                    "slow the motion down"
                 )
             scale = 0.9 * share if share > 1e-3 else 0.0
 

@@ -43,11 +43,11 @@ def check(ball: Ball, scene: Described) -> None:
         return
     plain, elsewhere = (
         Ball(),
-        dict.fromkeys(("rolling", "substep"), "only a ball in a maze has it; leave it out"),
+        dict.fromkeys(("rolling", "substep"), "only a ball in a maze uses it; leave it out"),
     )
     if scene.contact:
         for name in ("friction", "restitution", "rest_speed"):
-            elsewhere[name] = f"what touches has contact.{name}; set that instead"
+            elsewhere[name] = f"bodies in contact use contact.{name}; set that instead"
     for name, why in elsewhere.items():
         if (value := getattr(ball, name)) != getattr(plain, name):
             raise SceneError(f"ball.{name} is {value:g}, but {why}")

@@ -31,7 +31,7 @@ def extend(clamp: Clamp, draft: Draft) -> None:
 EFFECT = Effect(
     Clamp,
     rank=100,
-    needs=(Need("servos", "it is the bedding of the strips on their arms"),),
+    needs=(Need("servos", "it is the elastic layer between a strip and its arm; add [servos]"),),
     modules=("robot.clamp", "forces.foundation"),
     stages={"forces.foundation.Foundation": {"add_gradient": "clamp"}},
     steps=("clamp",),

@@ -62,22 +62,25 @@ def check(contact: Contact, scene: Described) -> None:
     """Raise SceneError if contact lacks what it needs."""
     if scene.inertia and scene.inertia.scheme in EXPLICIT:
         raise SceneError(
-            f"inertia.scheme is {scene.inertia.scheme!r}, whose steps solve nothing, while contact forces follow from "
-            "where a step ends; allowed with contact or a ball: implicit_euler, bdf2, tr_bdf2"
+            f"inertia.scheme is {scene.inertia.scheme!r}; contact needs an implicit scheme, which finds "
+            "the contact forces at the end of a step. Allowed with contact or a ball: implicit_euler, "
+            "bdf2, tr_bdf2"
         )
     bodies = rigids_of(scene)
     if bodies and not scene.inertia:
         raise SceneError(
-            f"{'rigid' if scene.rigid else 'ball'} needs inertia: nothing holds the bodies but what "
-            "they happen to lie on, so where they rest is not determined; add [inertia], or make "
-            "what stands still one of the [[obstacles]]"
+            f"{('rigid' if scene.rigid else 'ball')} needs inertia: nothing holds these bodies, so their "
+            "place at rest is not determined; add [inertia], or make what stands still one of the "
+            "[[obstacles]]"
         )
     soft = len(soft_bodies(scene))
     if contact.self_contact and not soft:
-        raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")
+        raise SceneError(
+            "contact.self_contact needs a soft body: a rigid one does not touch itself; leave it out"
+        )
     if not (scene.obstacles or contact.self_contact or len(bodies) + soft > 1):
         others = "[[rigid]] or contact.self_contact = true" if soft else "or another [[rigid]]"
-        raise SceneError(f"contact has nothing to touch: add [[obstacles]], {others}")
+        raise SceneError(f"contact has nothing to act on; add [[obstacles]], {others}")
     if not contact.alarm_distance > contact.contact_distance:
         raise SceneError(
             f"contact.alarm_distance is {contact.alarm_distance:g} m; it must be above contact.contact_distance, "

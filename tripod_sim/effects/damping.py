@@ -10,9 +10,9 @@ from tripod_sim.tables.fields import number
 class Damping:
     """Damping: a force -a M v against velocity, and a viscous stress b C_0 : dE/dt against deformation.
 
-    E is Green's strain, C_0 the law's tangent undeformed; springs get dampers of b times their stiffness. Small
-    vibrations about the unstressed shape are damped as by Rayleigh's b K v; motions that deform nothing, rotations
-    among them, are not.
+    E is Green's strain, C_0 the law's tangent undeformed; springs get dampers of b times their stiffness, which
+    act on slack springs while these are taut. Small vibrations about the unstressed shape are damped as by Rayleigh's
+    b K v; motions that deform nothing, rotations among them, are not.
 
     Attributes:
         mass: a [1/s].
@@ -33,6 +33,6 @@ EFFECT = Effect(
     rank=30,
     springs=True,
     rest=False,
-    needs=(Need("inertia", "without velocity there is nothing to damp"),),
+    needs=(Need("inertia", "a scene at rest has no velocity to damp; add [inertia], or leave damping out"),),
     act=act,
 )

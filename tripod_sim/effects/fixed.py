@@ -30,7 +30,7 @@ def check(tables: tuple[Fixed, ...], scene: Described) -> None:
     for i, fixed in enumerate(tables):
         box = fixed.low is not None and fixed.high is not None
         if (fixed.low is not None or fixed.high is not None) if fixed.set else not box:
-            raise SceneError(f"fixed.{i}: give either set or low and high, the corners of a box")
+            raise SceneError(f"fixed.{i}: give either set, or low and high (the corners of a box)")
         check_box(f"fixed.{i}", fixed.low, fixed.high)
         check_axes(f"fixed.{i}", fixed.axes)
 

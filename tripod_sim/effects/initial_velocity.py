@@ -49,7 +49,8 @@ def start(tables: tuple[InitialVelocity, ...], sets: Any, rest: FloatArray, held
         moved = velocities[nodes] != 0
         if moved.any() and held[nodes][moved].all():
             raise SceneError(
-                f"initial_velocity.{i}.set is {table.set!r}: all of it is fixed or prescribed and moves by nothing else"
+                f"initial_velocity.{i}.set is {table.set!r}: all its nodes are fixed or prescribed, so they "
+                "cannot move by themselves; name another set"
             )
     velocities[held] = 0.0
     return velocities
@@ -61,7 +62,7 @@ EFFECT = Effect(
     several=True,
     springs=True,
     rest=False,
-    needs=(Need("inertia", "without it nothing has a velocity"),),
+    needs=(Need("inertia", "a scene at rest has no velocity; add [inertia]"),),
     words=("initial_velocity=[{velocity=[0.01, 0.0, 0.0]}]",),
     start=start,
 )

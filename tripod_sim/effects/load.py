@@ -37,10 +37,14 @@ def check(tables: tuple[Load, ...], scene: Described) -> None:
         given = [name for name in ("force", "pressure", "mass") if getattr(load, name) is not None]
         if len(given) != 1:
             raise SceneError(
-                f"load.{i} has {' and '.join(given) or 'none of them'}; give one of force, pressure, mass"
+                f"load.{i} has {' and '.join(given) or 'none'} of force, pressure, mass; give exactly "
+                "one of them"
             )
         if load.mass is not None and not (scene.gravity or scene.inertia):
-            raise SceneError(f"load.{i}.mass needs gravity or inertia: without them it does nothing")
+            raise SceneError(
+                f"load.{i}.mass needs gravity or inertia: without them a mass has no effect; add [gravity] or "
+                "[inertia]"
+            )
 
 
 def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
@@ -56,8 +60,8 @@ def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
         acts = (force != 0) | (weighing > 0)[:, None]
         if acts.any() and not (acts & free).any():
             draft.notes.append(
-                f"load.{i} acts on nothing but nodes of set {table.set!r} that are fixed or prescribed there: it "
-                "moves nothing"
+                f"load.{i} acts only on nodes of set {table.set!r} that are fixed or prescribed, so it has no "
+                "effect; name another set"
             )
         if table.pressure:
             nodes = draft.sets.nodes(table.set, f"load.{i}.set")

@@ -55,7 +55,7 @@ def weigh(maze: Maze, draft: Draft) -> None:
 EFFECT = Effect(
     Maze,
     rank=130,
-    needs=(Need("effector", "it is fastened to the disc"),),
+    needs=(Need("effector", "the plate is fastened to the disc; add [effector]"),),
     modules=("maze",),
     extend=extend,
     weigh=weigh,

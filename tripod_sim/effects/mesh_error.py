@@ -30,21 +30,22 @@ def check(table: MeshError, scene: Described) -> None:
     bodies, discs = soft_bodies(scene), discs_of(scene)
     if not bodies[0].material or discs[0][2].name != bodies[0].name:
         raise SceneError(
-            f"mesh_error is that of the first body, whose strips the clamp beds; the effector is {discs[0][0]}: let "
-            "that body be the first"
+            "mesh_error estimates the first body, with strips in the clamp; the effector is "
+            f"{discs[0][0]}: make that body the first one"
         )
     if scene.platform:
         raise SceneError(
-            "mesh_error and platform exclude each other: bodies that a platform joins err together, so that what one "
-            "of them gets wrong says nothing of the platform"
+            "mesh_error and platform cannot be combined: the error of one body says nothing about a "
+            "platform that several bodies carry; leave one out"
         )
     material, stiffness = bodies[0].material, scene.clamp.stiffness
     shear = initial_young(material) / (2 + 2 * material.poisson)
     if stiffness > shear / SLIP**2:
         raise SceneError(
-            f"mesh_error: clamp.stiffness is {stiffness:g} N/m⁴, by which strips of this material slip over "
-            f"{1e3 * (shear / stiffness) ** 0.5:.2g} mm; below {1e3 * SLIP:g} mm fine meshes crease at the edge, "
-            f"so that none tells the error: set it to at most {shear / SLIP**2:.2g}"
+            f"mesh_error: clamp.stiffness is {stiffness:g} N/m⁴, so strips of this material slip over "
+            f"{1000.0 * (shear / stiffness) ** 0.5:.2g} mm in their clamps. Below {1000.0 * SLIP:g} mm a "
+            "fine mesh creases at the edge and gives no error: set clamp.stiffness to at most "
+            f"{shear / SLIP**2:.2g}"
         )
 
 
@@ -53,9 +54,10 @@ EFFECT = Effect(
     rank=190,
     rest=False,
     needs=(
-        Need("effector", "it is the error of its position"),
+        Need("effector", "the error is that of the position of the effector; add [effector]"),
         Need(
-            "clamp", "at the edge of an ideal clamp the stress is singular, so that no mesh tells the error"
+            "clamp",
+            "at the edge of an ideal clamp the stress is singular, so no mesh has a known error; add [clamp]",
         ),
     ),
     check=check,

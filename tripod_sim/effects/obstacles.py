@@ -10,7 +10,7 @@ from tripod_sim.tables.fields import check_unit
 def check(tables: tuple[Obstacle, ...], scene: Described) -> None:
     """Raise SceneError if nothing touches them, or an orientation is none."""
     if not contact_of(scene):
-        raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
+        raise SceneError("obstacles need contact, without which nothing touches them; add [contact]")
     for i, obstacle in enumerate(tables):
         check_unit(f"obstacles.{i}.orientation", obstacle.orientation)
 

@@ -35,7 +35,10 @@ def check(tables: tuple[Prescribed, ...], scene: Described) -> None:
     for i, moved in enumerate(tables):
         check_axes(f"prescribed.{i}", moved.axes)
         if not (moved.move or moved.turn):
-            raise SceneError(f"prescribed.{i}: give move or turn; what never moves is [[fixed]]")
+            raise SceneError(
+                f"prescribed.{i} has neither move nor turn; give one of them, or hold the set still with "
+                "[[fixed]]"
+            )
         for name, unit in (("move", "m"), ("turn", "rad")):
             if text := getattr(moved, name):
                 line = parse_timeline(text, 3, f"prescribed.{i}.{name}", unit)

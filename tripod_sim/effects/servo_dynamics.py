@@ -37,7 +37,7 @@ EFFECT = Effect(
     ServoDynamics,
     rank=90,
     rest=False,
-    needs=(Need("servos", "without them there is nothing that turns"),),
+    needs=(Need("servos", "it is the motion of the servos; add [servos]"),),
     modules=("robot.servo",),
     stages={"robot.servo.ServoMotion": {"advance": "servo dynamics", "stalled": "servo dynamics"}},
     steps=("servo dynamics",),

@@ -21,18 +21,20 @@ def check(servos: Servos, scene: Described) -> None:
         for i, angle in enumerate(s.angles):
             if not s.angle_min <= angle <= s.angle_max:
                 raise SceneError(
-                    f"{field}.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+                    f"{field}.angles.{i} is {angle} rad; allowed: {s.angle_min} to {s.angle_max} rad"
                 )
         if s.slide > s.slide_max:
             hint = other_unit(s.slide, "m", partial(ge, s.slide_max))
-            raise SceneError(f"{field}.slide is {s.slide} m; allowed is 0 to {s.slide_max} m{hint}")
+            raise SceneError(f"{field}.slide is {s.slide} m; allowed: 0 to {s.slide_max} m{hint}")
         if s.slide != tables[0][1].slide:
             raise SceneError(
-                f"{field}.slide is {s.slide} m, {tables[0][0]}.slide {tables[0][1].slide} m; all servo bodies slide by "
-                "the same"
+                f"{field}.slide is {s.slide} m, {tables[0][0]}.slide {tables[0][1].slide} m; all servo bodies "
+                "slide by the same distance: give both the same value"
             )
         if scene.clamp and body.name != soft_bodies(scene)[0].name:
-            raise SceneError(f"clamp is of the first body: {field} need ideal clamps; leave clamp out")
+            raise SceneError(
+                f"clamp works on the first body only; {field} need ideal clamps: leave clamp out"
+            )
 
 
 def hold(servos: Servos, draft: Draft) -> None:

@@ -24,7 +24,8 @@ def check(table: StrainLimit, scene: Described) -> None:
     """Raise SceneError if there are no springs, or nothing moves."""
     if not (scene.inertia and any(body.springs for body in soft_bodies(scene))):
         raise SceneError(
-            "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
+            "strain_limit needs springs and inertia: it limits how far springs stretch in motion; add "
+            "them, or leave it out"
         )
 
 

@@ -64,29 +64,30 @@ def check(wanted: TimeError, scene: Described) -> None:
     chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
     if wanted.accuracy and wanted.steps == "fixed":
         raise SceneError(
-            f"time_error.accuracy is {wanted.accuracy:g}, but steps of a fixed dt do not follow it; set dt = "
-            "'auto', or leave it out"
+            f"time_error.accuracy is {wanted.accuracy:g}, but steps of a fixed dt cannot follow it; set "
+            "dt = 'auto', or leave time_error.accuracy out"
         )
     explicit = springs_alone(scene) and chosen and not (halves(scene) or by_way(scene))
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
-            "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "
+            "time_error.estimate is 'local', but a fixed dt does not use it; set dt = 'auto', or "
             "time_error.estimate to auto or global"
         )
     if explicit and wanted.estimate == "global":
         raise SceneError(
-            "time_error.estimate is 'global', but the explicit steps of springs that dt = 'auto' takes by itself carry "
-            "no error along; name an implicit inertia.scheme, such as tr_bdf2, or set time_error.estimate to auto"
+            "time_error.estimate is 'global', which needs an implicit scheme; dt = 'auto' takes an "
+            "explicit one for these springs: set inertia.scheme = 'tr_bdf2', or time_error.estimate to "
+            "auto"
         )
     if halves(scene) and wanted.steps == "auto" and wanted.estimate == "global":
         raise SceneError(
-            "time_error.estimate is 'global', but with contact, strain_limit or an explicit scheme dt = 'auto' carries "
-            "none along; "
-            "name a dt, or set time_error.estimate to auto"
+            "time_error.estimate is 'global', which dt = 'auto' does not offer with contact, "
+            "strain_limit or an explicit scheme; set a fixed dt, such as dt = 0.001, or "
+            "time_error.estimate to auto"
         )
     if wanted.steps == "auto" and wanted.shortest > scene.dt:
         raise SceneError(
-            f"time_error.shortest is {wanted.shortest:g} s; it must be at most dt, {scene.dt:g} s, which it divides"
+            f"time_error.shortest is {wanted.shortest:g} s; it must be at most dt, {scene.dt:g} s"
         )
 
 
@@ -173,7 +174,7 @@ EFFECT = Effect(
     springs=True,
     rigid=True,
     rest=False,
-    needs=(Need("inertia", "at rest no time passes that steps could divide"),),
+    needs=(Need("inertia", "a scene at rest has no time steps; add [inertia], or leave time_error out"),),
     check=check,
     modules=(
         "integrators.time_error",

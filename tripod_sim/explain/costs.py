@@ -29,7 +29,8 @@ LONGEST = 2.0
 """Time that is spent on reaching typical steps with an effect [s]."""
 
 NEEDS = {
-    "obstacles": 'it needs the file of a surface: obstacles=[{source="my.obj"}]; and contact',
+    "obstacles": "it needs the file of a surface, and contact: "
+    """--set 'obstacles=[{source="my.obj"}]' --set contact={}""",
 }
 """What an effect without defaults needs."""
 

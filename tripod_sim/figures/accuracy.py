@@ -123,6 +123,15 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
     )
 
 
+def finer(figures: AccuracyFigures) -> str | None:
+    """Return the largest percentage among the offers that promises a smaller error than the scene has; None: none."""
+    now = figures.measured if figures.bound is None else figures.bound
+    for offer in figures.offers:
+        if offer.wish.endswith("%") and offer.bound is not None and now is not None and offer.bound < now:
+            return offer.wish
+    return None
+
+
 def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None, *, seen: bool) -> Offer:
     try:
         point = pick(study, asked(wish), scale)

@@ -121,18 +121,13 @@ def snap_words(firmness: float, time: float, *, at_rest: bool = False, estimated
 
     `estimated`: whether the error of the mesh is told.
     """
+    softest = f"the lowest stiffness is {firmness:.2f} of that of the undeformed body at {time:.4g} s"
     if firmness < NEAR:
-        return f"near, firmness {firmness:.2f} at {time:.4g} s: another equilibrium may be close by"
+        return f"near: {softest}; another equilibrium may be close"
     if at_rest and firmness < SOFT:
-        return (
-            f"firmness {firmness:.2f} at {time:.4g} s: so soft a pose errs more often by more than is promised, or has "
-            "another equilibrium"
-        )
+        return f"{softest}; in so soft a pose the error is more often larger than stated, or another equilibrium exists"
     if estimated and not at_rest and firmness < SLACK:
-        return (
-            f"firmness {firmness:.2f} at {time:.4g} s: so soft a body swings and snaps otherwise on each mesh; it errs "
-            "by more than is told"
-        )
+        return f"{softest}; so soft a body snaps differently on each mesh, and swings with a larger error than stated"
     return ""
 
 

@@ -41,8 +41,9 @@ def pressure_notes(
     if not any(map(is_closed, corners)):
         return [], [TurnWatch(field, faces, rest) for faces in corners]
     note = (
-        f"{field}.pressure acts on a closed surface, set {name!r}, as a dead pressure: its forces keep the directions "
-        f"of the undeformed surface; {BUT_A_GAS}. Do not read it as the pressure in a chamber"
+        f"{field}.pressure acts on a closed surface, set {name!r}, as a dead pressure: its forces "
+        f"keep the directions of the undeformed surface; {BUT_A_GAS}. Do not use it for the pressure "
+        "in a chamber"
     )
     return [note], []
 
@@ -68,7 +69,8 @@ class TurnWatch:
             return ""
         return (
             f"{self._field}.pressure is a dead pressure: its surface has turned by more than "
-            f"{math.degrees(TURNED):.0f} degrees, but the forces keep their directions; {BUT_A_GAS}"
+            f"{math.degrees(TURNED):.0f} degrees, but the forces keep their directions; {BUT_A_GAS}. Do "
+            "not rely on the shape from here on"
         )
 
     def _unit_normals(self, x: FloatArray) -> FloatArray:

@@ -275,4 +275,4 @@ class Elastic:
     def culprit(self, x: FloatArray, modes: FloatArray) -> str:
         """Return in words what is worst of all elements."""
         found = [t.culprit(x, self.of(modes, k)) for k, t in enumerate(self.terms)]
-        return min(found, default=(0.0, "nodes without elements move too far"))[1]
+        return min(found, default=(0.0, "nodes that belong to no element move too far"))[1]

@@ -1,7 +1,7 @@
 """Incompatible modes of elements whose nodes stand still: brought to the least of E + D, element by element.
 
-With f_a = d(E + D)/da and K_aa its derivative, both of one element, a Newton step is d = -K_aa^-1 f_a. The inverse at
-hand serves on while it lowers the force tenfold; else it is made anew, projected where it is not positive definite, and
+With f_a = d(E + D)/da and K_aa its derivative, both of one element, a Newton step is d = -K_aa^-1 f_a. The inverse is
+reused while it lowers the force tenfold; else it is computed again, projected where it is not positive definite, and
 the step is halved until it lowers energy or force [NocedalWright2006]. Modes of different elements have nothing to do
 with each other while the nodes stand still, so each element takes as many steps as it needs.
 """

@@ -40,9 +40,14 @@ def set_load(table: Load, field: str, sets: NodeSets, solids: Sequence[SolidMesh
     else:
         found = [(solid, faces_within(solid, nodes)) for solid in solids]
         if not any(len(faces) for _, faces in found):
-            why = "a pressure needs one" if table.pressure is not None else "share = 'even' needs none"
+            why = (
+                "a pressure needs at least one: enlarge the set"
+                if table.pressure is not None
+                else "enlarge the set, or set share = 'even', which needs none"
+            )
             raise SceneError(
-                f"{field}.set is {table.set!r}: its {len(nodes)} nodes hold no face of the surface; {why}"
+                f"{field}.set is {table.set!r}: its {len(nodes)} nodes contain no whole face of the surface; "
+                f"{why}"
             )
         for solid, faces in found:
             areas, squares, normals = _integrals(solid.kind, solid.nodes[faces])

@@ -178,6 +178,8 @@ class Solid(ElasticTerm):
         elif not CRUSHED <= ratio <= BLOWN_UP:  # NaN, too
             what = "blown up" if ratio > BLOWN_UP else "crushed"
         else:
-            what = "whole, as all are; it is compressed most"
-        advice = "" if ratio > 0 or self._law == SAFE else f'; material.law = "{SAFE}" rights such elements'
+            what = "not inverted, as no element is; it is compressed most"
+        advice = (
+            "" if ratio > 0 or self._law == SAFE else f'; material.law = "{SAFE}" turns such elements back'
+        )
         return ratio, f"{name} is {what} (volume ratio {ratio:.3g}){advice}"

@@ -201,7 +201,7 @@ class Newton:
         """Make the step that moves the driven nodes; return the potential after it."""
         phi = self._step(state, trial, report)
         if not math.isfinite(phi):
-            raise NewtonError(f"{self._culprit(trial)} as driven nodes moved")
+            raise NewtonError(f"{self._culprit(trial)} while the servos moved it")
         trial.copy_to(state)
         self._dx[:] = 0.0
         return phi
@@ -263,7 +263,9 @@ class Newton:
             system.evaluate(state)
         rounding = self._rounding()
         where = "" if rounding else f"; {self._culprit(trial)}"
-        raise NewtonError(f"no descent from an unbalanced force of {before:.3g} N{where}", rounding)
+        raise NewtonError(
+            f"the energy falls along no direction, at an unbalanced force of {before:.3g} N{where}", rounding
+        )
 
     def _renew(self, state: State, report: NewtonReport) -> float:
         """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""
@@ -285,7 +287,7 @@ class Newton:
             if system.factor(shift):
                 return phi
             shift *= 100
-        raise NewtonError("the tangent is singular: is a part of the body held by nothing?")
+        raise NewtonError("the stiffness matrix is singular: is a part of the body held by nothing?")
 
     def _step(self, state: State, trial: State, report: NewtonReport) -> float:
         """Solve for a step from the evaluated `state`, write it to `trial`, return Phi there."""
@@ -324,7 +326,7 @@ class Newton:
         size = float(np.ptp(self.system.rest, axis=0).max())
         if not largest(self._dx) <= ROUNDING * size:
             return ""
-        return f"rounding leaves as much: solver.tolerance is {self.tolerance:g} N and has to be larger here"
+        return f"rounding errors are as large; set solver.tolerance above {self.tolerance:g} N"
 
     def _culprit(self, state: State) -> str:
         return self.system.elastic.culprit(state.positions, state.modes)

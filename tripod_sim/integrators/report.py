@@ -88,6 +88,7 @@ class StepReport:
         if not self.grew_at:
             return ""
         return (
-            f"unstable: since step {self.grew_at} the energy has grown beyond what the inputs justify, by "
-            f"{self.growth:.3g} J (longest stable step {self.dt_limit:.3g} s)"
+            f"unstable: since step {self.grew_at} the energy has grown by {self.growth:.3g} J, more than "
+            f"the inputs explain (longest stable step {self.dt_limit:.3g} s); take a smaller dt or an "
+            "implicit inertia.scheme"
         )

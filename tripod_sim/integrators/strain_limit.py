@@ -72,7 +72,8 @@ class BoundedNewton(Newton):
         i, j = self.bound.worst(state.positions)
         self.bound.relax()
         raise NewtonError(
-            f"strain_limit cannot be met by the spring of nodes {i} and {j}: what holds or moves nodes keeps them apart"
+            f"strain_limit cannot be kept by the spring between nodes {i} and {j}: fixed or moved nodes "
+            "hold it longer; set a larger strain_limit, or hold fewer nodes"
         )
 
     def _note_rounding(self, state: State) -> None:

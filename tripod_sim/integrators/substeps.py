@@ -142,7 +142,7 @@ class Substeps(ABC):
         """Take `state` back to `origin`, where the step began, and raise StepError: a `part` failed with `error`."""
         origin.copy_to(state)
         self.forget()
-        parts = f", even in parts of {part:.2g} of it" if part < 1 else ""
+        parts = f", even with substeps of {part:.2g} of it" if part < 1 else ""
         raise StepError(
-            f"step {state.step + 1} at {state.time:.4g} s cannot be saved{parts}: {error.what}", error.remedy
+            f"step {state.step + 1} at {state.time:.4g} s cannot be solved{parts}: {error.what}", error.remedy
         ) from error

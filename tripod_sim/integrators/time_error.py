@@ -5,7 +5,7 @@ values. The exact motion fulfils both but for the defects tau of the scheme,
 
     X' = Z + s V' + tau_x,   V' = U + s M^-1 F(X', V') + tau_v,
 
-so that the error e, exact minus computed, of a body with stiffness K, damping a M + C and a force r left over by the
+so that the error e, exact minus computed, of a body with stiffness K, damping a M + C and a residual r of the
 solver follows from one solve with the matrix A of the stage, w = M / s² + a M / s,
 
     A e_x' = (w + C / s) y + M (e_u + tau_v) / s - r,   A = w + K + C / s,   y = e_z + tau_x,   e_v' = (e_x' - y) / s,

@@ -10,8 +10,8 @@ from tripod_sim.linear.solver import LinearError, LinearSolver, Pattern
 
 MEANING = {
     kernels.UNSOLVED: "did not converge: an ill-conditioned matrix, or a tolerance below its rounding",
-    kernels.INDEFINITE: "met negative curvature: the matrix is not positive definite",
-    kernels.BROKEN: "met a number that is not finite",
+    kernels.INDEFINITE: "failed: the matrix is not positive definite",
+    kernels.BROKEN: "failed: a number is not finite",
 }
 
 
@@ -66,7 +66,10 @@ class ConjugateGradients(LinearSolver):
     def solve(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b, shape (n,). Raises LinearError."""
         if not self._blocks_positive:
-            raise LinearError("conjugate gradients need a positive definite matrix; a diagonal block is not")
+            raise LinearError(
+                "conjugate gradients need a positive definite matrix, and this one is not; set solver.linear "
+                "= 'ldl'"
+            )
         state, x, residual = self._run(b)
         if state != kernels.SOLVED:
             raise self._error(state, residual)

@@ -16,7 +16,5 @@ def lame_constants(young: float, poisson: float) -> tuple[float, float]:
     if not 0 < young < float("inf"):
         raise SceneError(f"material.young is {young} Pa; it must be positive and finite")
     if not -1 < poisson < 0.5:
-        raise SceneError(
-            f"material.poisson is {poisson}; allowed is above -1 and below 0.5 (0.499 for rubber)"
-        )
+        raise SceneError(f"material.poisson is {poisson}; allowed: above -1 and below 0.5 (0.499 for rubber)")
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))

@@ -57,10 +57,12 @@ def check(material: Material | Region, field: str) -> None:
         return
     takes += f"parameters = [{', '.join(law.PARAMETERS)}]"
     if material.young is not None:
-        raise SceneError(f"{field}.young is {material.young} Pa; {takes}, of which it follows: leave it out")
+        raise SceneError(
+            f"{field}.young is {material.young} Pa; {takes}, from which the stiffness follows: leave young out"
+        )
     if len(own) not in law.COUNTS:
         counts = " or ".join(map(str, law.COUNTS))
-        raise SceneError(f"{field}.parameters has {len(own)} values; {takes}: {counts} values")
+        raise SceneError(f"{field}.parameters has {len(own)} values; {takes}: give {counts} values")
     try:
         mu = law.shear(own)
     except ValueError as error:

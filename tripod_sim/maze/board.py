@@ -62,7 +62,10 @@ def read_maze(source: str) -> MazeGrid:
         except OSError as error:
             raise SceneError(f"maze.source {shown(source)} cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
-            raise SceneError(f"maze.source {shown(source)} is not a text file") from None
+            raise SceneError(
+                f"maze.source {shown(source)} is not a text file; a drawing is a .txt file, a surface an .stl "
+                "file"
+            ) from None
         return parse_maze(text, f"maze {path.name!r}")
     if source not in maze_names():
         raise SceneError(
@@ -92,8 +95,8 @@ def make_board(maze: Maze, radius: float) -> Board:
     free = maze.pitch - maze.wall
     if not free > max(2 * radius, 0):
         raise SceneError(
-            f"maze.pitch {maze.pitch} m less maze.wall {maze.wall} m leaves corridors of {free:.4g} m; the ball is "
-            f"{2 * radius:.4g} m wide"
+            f"maze.pitch {maze.pitch} m minus maze.wall {maze.wall} m leaves corridors {free:.4g} m wide, "
+            f"but the ball is {2 * radius:.4g} m wide; set a larger pitch or a smaller ball.radius"
         )
     if grid.holes and not radius < maze.hole_radius < 0.5 * free:
         raise SceneError(
@@ -149,9 +152,7 @@ def _surface_board(maze: Maze, radius: float) -> Board:
     cell = max(4 * radius, float(np.ptp(surface.vertices[:, :2], axis=0).max()) / 50)
     notes: tuple[str, ...] = ()
     if not surface.watertight:
-        notes = (
-            f"maze {name!r} is not watertight: it is taken as a surface, both of whose sides hold the ball",
-        )
+        notes = (f"the surface of maze {name!r} is open (not watertight): both its sides stop the ball",)
     return Board(
         sorted_obstacles(np.zeros((0, 6)), corners, np.zeros((0, 3)), extent, cell),
         maze.start,

@@ -99,14 +99,15 @@ def parse_maze(text: str, name: str) -> MazeGrid:
     lines = [(i, line) for i, line in numbered if line and not line.startswith("#")]
     if len(lines) < 3 or len(lines) % 2 == 0:
         raise SceneError(
-            f"{name} has {len(lines)} lines of drawing; a maze of n rows of cells has 2 n + 1, posts first and last"
+            f"{name} has {len(lines)} lines of drawing; a maze of n rows of cells needs 2 n + 1, with "
+            "posts in the first and last"
         )
     width = max(len(line) for _, line in lines)
     columns, rows = (width - 1) // WIDTH, len(lines) // 2
     if width % WIDTH != 1 or not 0 < rows * columns <= MOST_CELLS:
         raise SceneError(
-            f"{name} is {width} characters wide and has {rows} rows; n columns need {WIDTH} n + 1 characters, "
-            f"allowed are 1 to {MOST_CELLS} cells"
+            f"{name} is {width} characters wide and has {rows} rows; n columns need {WIDTH} n + 1 "
+            f"characters; allowed: 1 to {MOST_CELLS} cells each way"
         )
     above, left = np.zeros((rows + 1, columns), dtype=bool), np.zeros((rows, columns + 1), dtype=bool)
     marks: dict[str, list[Cell]] = {"S": [], "G": [], "o": []}
@@ -169,12 +170,12 @@ def check_maze(grid: MazeGrid, name: str) -> None:
     gaps += [f"right of row {r + 1}" for r in np.flatnonzero(~grid.left[:, -1])]
     if gaps:
         more = f" and {len(gaps) - 1} more" if len(gaps) > 1 else ""
-        raise SceneError(f"{name} is not closed: there is no outer wall {gaps[0]} of cells{more}")
+        raise SceneError(f"{name} is not closed: an outer wall is missing {gaps[0]} of cells{more}; draw it")
     if grid.goal not in grid.distances(grid.start):
         around = " without passing a hole" if grid.holes else ""
         raise SceneError(
-            f"{name}: the goal (row {grid.goal[0] + 1}, column {grid.goal[1] + 1}) cannot be reached from the start "
-            f"(row {grid.start[0] + 1}, column {grid.start[1] + 1}){around}"
+            f"{name}: no way leads from the start (row {grid.start[0] + 1}, column {grid.start[1] + 1}) "
+            f"to the goal (row {grid.goal[0] + 1}, column {grid.goal[1] + 1}){around}; open a wall"
         )
 
 
@@ -206,7 +207,7 @@ def random_maze(seed: int, rows: int, columns: int, holes: int = 0) -> MazeGrid:
     """
     if rows < 1 or columns < 1 or not 2 <= rows * columns <= MOST_CELLS or holes < 0 or seed < 0:
         raise SceneError(
-            f"a random maze of {columns} x {rows} cells, {holes} holes and seed {seed}: allowed are 2 to {MOST_CELLS} "
+            f"a random maze of {columns} x {rows} cells, {holes} holes and seed {seed}: allowed: 2 to {MOST_CELLS} "
             "cells, holes and seed from 0"
         )
     rng = np.random.default_rng(seed)

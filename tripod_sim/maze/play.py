@@ -66,11 +66,14 @@ class MazeBall:
             for k in range(len(o.boxes) + len(o.triangles))
         )
         if first >= MISSES:
-            raise SceneError(f"maze.start {list(board.start)} m: there is no floor under the ball")
+            raise SceneError(
+                f"maze.start {list(board.start)} m: there is no floor under the ball; move maze.start"
+            )
         height = point[2] + first * down[2]
         if board.grid and height > radius + 2 * SKIN:
             raise SceneError(
-                f"maze: the ball of radius {radius} m does not fit between the walls at the start"
+                f"maze: the ball of radius {radius} m does not fit between the walls at the start; set a "
+                "smaller ball.radius or move maze.start"
             )
         rotation = state.rotations[0]
         numbers = np.zeros(13)

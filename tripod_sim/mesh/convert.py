@@ -31,8 +31,9 @@ def convert(mesh: SolidMesh, name: str) -> SolidMesh:
         cell_groups = divided_groups(cell_groups, len(_kuhn()))
         if len(SolidMesh(nodes, elements, ELEMENTS["t4"]).boundary) != 2 * len(mesh.boundary):
             raise SceneError(
-                f"mesh.element is {name!r}; hexahedra can be divided into tetrahedra only where the local axes of "
-                "neighbours point alike, and those of this mesh do not"
+                f"mesh.element is {name!r}, but the hexahedra of this mesh cannot be divided into tetrahedra: "
+                "the axes of neighbouring cells differ; take a hexahedral mesh.element, such as h8_modes, or "
+                "a tetrahedral mesh"
             )
     if kind.size in (10, 20, 27):
         quadratic = tetrahedron if kind.corners == 4 else quadratic_hexahedron

@@ -66,6 +66,6 @@ def _check_count(cells: int, description: Mesh) -> None:
     """Raise SceneError if a mesh has too many cells once it is refined."""
     if (count := cells * 8**description.refine) > MOST_CELLS:
         raise SceneError(
-            f"mesh.source {description.source!r} has {count} cells at mesh.refine = {description.refine}; it must have "
-            f"at most {MOST_CELLS}"
+            f"mesh.source {description.source!r} has {count} cells at mesh.refine = {description.refine}; "
+            f"allowed: at most {MOST_CELLS}; set a smaller mesh.refine"
         )

@@ -51,23 +51,25 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
         raise SceneError(f"mesh.source: {name} has no tetrahedra or hexahedra (cells: {kinds})")
     if cells.solid:
         raise SceneError(
-            f"mesh.source: {name} has cells of which no element is made: {', '.join(cells.solid)}"
+            f"mesh.source: {name} has cells that cannot be used: {', '.join(cells.solid)}; write the mesh "
+            "with tetrahedra or hexahedra"
         )
     if len(volumes) > 1:
         raise SceneError(
-            f"mesh.source: {name} has several kinds of volume cells ({', '.join(sorted(volumes))}); one is needed"
+            f"mesh.source: {name} has several kinds of volume cells ({', '.join(sorted(volumes))}); write "
+            "the mesh with one kind"
         )
     ((cell, elements),) = volumes.items()
     notes = list[str]()
     if cells.skipped:
         counts = ", ".join(f"{count} {kind}" for kind, count in cells.skipped.items())
-        notes.append(f"{name} has cells that are not read and left out, none with a volume: {counts}")
+        notes.append(f"{name} has cells that are not read, none of them with a volume: {counts}")
     if element == AUTO:
         element = BEST[cell]
         if cell == "tetra":
             notes.append(
-                f"mesh.element is not given: the tetrahedra of {name} become {element!r}, with a node in the middle of "
-                "each edge; 't4' has fewer unknowns, but bends too stiffly"
+                f"mesh.element is not given: the tetrahedra of {name} become {element!r}, with a node in the "
+                "middle of each edge. Element 't4' has fewer unknowns, but bends too stiffly"
             )
     points = _checked(cells.points, elements, name)
     fitting = [e.name for e in ELEMENTS.values() if e.cell == cell]
@@ -84,7 +86,9 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
     ordered = in_order(nodes, renumbered.reshape(elements.shape), kind)
     if inside_out(nodes, ordered, kind):
         ordered = ordered[:, mirrored(kind)]
-        notes.append(f"the nodes of all {len(ordered)} cells of {name} run the wrong way round: turned over")
+        notes.append(
+            f"all {len(ordered)} cells of {name} had their nodes in reverse order; this was corrected"
+        )
     mesh = SolidMesh(nodes, ordered, kind, groups, cells.cell_groups)
     mesh = mesh if element in fitting else convert(mesh, element)
     return replace(mesh, notes=tuple(notes))
@@ -97,7 +101,7 @@ def _makeable(kind: Element, cell: str) -> bool:
 def _checked(points: FloatArray, elements: IndexArray, name: str) -> FloatArray:
     if points.ndim != 2 or points.shape[1] != 3:
         raise SceneError(
-            f"mesh.source: {name} has points of shape {points.shape}; three coordinates are needed"
+            f"mesh.source: {name} has points of shape {points.shape}; each needs three coordinates"
         )
     if (bad := np.flatnonzero(((elements < 0) | (elements >= len(points))).any(axis=1))).size:
         raise SceneError(

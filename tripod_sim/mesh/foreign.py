@@ -30,7 +30,10 @@ MAX_MEMORY = 4 << 30
 MAX_ANSWER = 1 << 30
 """Bytes of points and cells."""
 
-BROKEN = "it is cut short or damaged, or has parts that meshio's reader of this format does not know"
+BROKEN = (
+    "it is cut short or damaged, or meshio does not know some of its parts; write it again, for "
+    "instance as gmsh's .msh or VTK's .vtu"
+)
 
 MARKED = ("vtk", "vtu", "gmsh", "abaqus")
 """Formats whose files are recognised by how they begin (`file_format`); an ending alone does not make one."""
@@ -72,7 +75,10 @@ def reason(error: Exception, file_format: str) -> str:
     if isinstance(error, meshio.ReadError) and str(error):
         return f"{BROKEN} ({error})"
     if isinstance(error, KeyError) and file_format == "gmsh":  # the tables of cells alone are looked up there
-        return f"it has cells of the kind {error.args[0]} of gmsh, which meshio does not know"
+        return (
+            f"it has gmsh cells of kind {error.args[0]}, which meshio does not know; write it with "
+            "tetrahedra or hexahedra"
+        )
     if (
         isinstance(error, KeyError)
         and file_format == "abaqus"
@@ -141,7 +147,8 @@ def mesh_of(path: str, file_format: str, skipped: Skipped) -> Any:
             )
         if not formats:
             raise UnreadableError(
-                "its format is unknown: neither its first lines nor the ending of its name tell it"
+                "its format is unknown: neither its first lines nor the ending of its name match a known "
+                "format; write it as .msh, .vtu or another format of meshio"
             )
         file_format = formats[0]
     if file_format == "abaqus":
@@ -294,7 +301,7 @@ def abaqus_text(path: str, skipped: Skipped) -> io.StringIO:
             rest += [keyword, *rows]
     (number, most), *_ = [*Counter(row.partition(",")[0] for row in nodes).most_common(1), ("", 1)]
     if most > 1:
-        raise UnreadableError(f"it has {most} nodes of the number {number}: write its parts as one mesh")
+        raise UnreadableError(f"it has {most} nodes with the number {number}: write its parts as one mesh")
     for group, members in sets.items():
         rest += [f"*ELSET, ELSET={group}", *members]
     text = io.StringIO("\n".join([*(["*NODE", *nodes] if nodes else []), *rest, ""]))

@@ -173,7 +173,8 @@ class _Reader:
         if (again := np.flatnonzero(ranked[1:] == ranked[:-1])).size:
             first, second = (self._id_lines[order[again[0] + k]] for k in (0, 1))
             raise SceneError(
-                f"{self._name}, line {second}: node {ranked[again[0]]} has a position already, in line {first}"
+                f"{self._name}, line {second}: node {ranked[again[0]]} was already given in line {first}; "
+                "give each node a number of its own"
             )
         volumes = {}
         for kind, numbers in self._nodes.items():

@@ -45,8 +45,8 @@ def check_count(triangles: int, most: int, name: str) -> None:
     """Raise SceneError if a surface has more triangles than there may be; `name`: what messages call the file."""
     if triangles > most:
         raise SceneError(
-            f"{name}: the surface has more than {most} triangles, the most that fits here; reduce it first, for "
-            "instance with a decimation filter"
+            f"{name}: the surface has more than {most} triangles, the largest number allowed; reduce it "
+            "first, for instance with a decimation filter"
         )
 
 

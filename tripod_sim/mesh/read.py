@@ -58,7 +58,9 @@ def check_file(path: Path, field: str) -> None:
     try:
         open_file(path, MAX_BYTES).close()
     except FileNotFoundError:
-        raise SceneError(f"{field}: file {str(path)!r} does not exist") from None
+        raise SceneError(
+            f"{field}: file {str(path)!r} does not exist; paths count from the folder of the scene file"
+        ) from None
     except OSError as error:
         raise SceneError(f"{field}: file {str(path)!r} cannot be read: {error.strerror}") from None
 
@@ -81,7 +83,8 @@ def _read(path: Path, file_format: str) -> Cells:
     )
     if run.returncode == -signal.SIGXCPU:
         raise SceneError(
-            f"mesh.source: {str(path)!r} is not read after {patience} s of processor time; is the file cut short?"
+            f"mesh.source: reading {str(path)!r} took more than {patience} s of processor time and was "
+            "stopped; is the file cut short?"
         )
     if run.returncode != 0:
         why = (

@@ -120,25 +120,36 @@ def _check(kind: Element, of_nodes: bytes, of_elements: bytes, source: str) -> N
     if (bad := np.flatnonzero(outside)).size:
         raise SceneError(f"{source}: elements {names_of(bad)} name nodes outside 0..{len(mesh.nodes) - 1}")
     if (bad := np.setdiff1d(np.arange(len(mesh.nodes)), mesh.elements)).size:
-        raise SceneError(f"{source}: nodes {names_of(bad)} belong to no element")
+        raise SceneError(f"{source}: nodes {names_of(bad)} belong to no element; remove them")
     with np.errstate(over="ignore"):
         shared = coincident(mesh.nodes, SAME * np.ptp(mesh.nodes, axis=0).max())
     if shared.size:
-        raise SceneError(f"{source}: nodes {names_of(shared)} share their position with another node")
+        raise SceneError(
+            f"{source}: nodes {names_of(shared)} have the same position as another node; merge them"
+        )
     quality = element_quality(mesh)
     if (bad := np.flatnonzero(~(quality > 1e-6))).size:
         inverted = np.flatnonzero(quality < -1e-6)
         if inverted.size:
-            raise SceneError(f"{source}: elements {names_of(inverted)} are inverted (node order or geometry)")
-        raise SceneError(f"{source}: elements {names_of(bad)} have no volume somewhere")
+            raise SceneError(
+                f"{source}: elements {names_of(inverted)} are inverted; correct their node order or geometry"
+            )
+        raise SceneError(
+            f"{source}: elements {names_of(bad)} have no volume at some point; correct the geometry"
+        )
     _, inverse, count = np.unique(
         np.sort(mesh.elements, axis=1), axis=0, return_inverse=True, return_counts=True
     )
     if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
-        raise SceneError(f"{source}: elements {names_of(bad)} have the nodes of another element")
+        raise SceneError(
+            f"{source}: elements {names_of(bad)} have the same nodes as another element; remove one of them"
+        )
     if len(mesh.overfull_faces):
         bad = np.unique(mesh.overfull_faces[:, : mesh.kind.face_corners])
-        raise SceneError(f"{source}: faces at nodes {names_of(bad)} belong to more than two elements")
+        raise SceneError(
+            f"{source}: faces at nodes {names_of(bad)} belong to more than two elements; elements overlap "
+            "there: correct the mesh"
+        )
 
 
 def check_boundary(mesh: SolidMesh, source: str) -> None:
@@ -179,8 +190,9 @@ def check_held(mesh: SolidMesh, bodies: Sequence[IndexArray], held: IndexArray, 
     if loose.size:
         count = len(np.unique(label))
         raise SceneError(
-            f"{source}: the mesh has {count} part{'s' if count > 1 else ''}, and nothing holds the one with nodes "
-            f"{names_of(np.flatnonzero(label == loose[0]))}; without inertia every part must be held"
+            f"{source}: the mesh has {count} part{('s' if count > 1 else '')}, and nothing holds the one "
+            f"with nodes {names_of(np.flatnonzero(label == loose[0]))}. Without inertia every part must "
+            "be held: add [[fixed]] there, or [inertia]"
         )
 
 

@@ -51,7 +51,9 @@ def read_stl(path: Path, name: str, most: int = MOST_TRIANGLES) -> tuple[FloatAr
         corners = _ascii(path, name, most)
     else:
         claim = f"; a binary one of {count} triangles has {expected}" if len(start) == HEADER + 4 else ""
-        raise SceneError(f"{name} is no STL file: it does not begin with 'solid' and has {size} bytes{claim}")
+        raise SceneError(
+            f"{name} is not an STL file: it does not begin with 'solid' and has {size} bytes{claim}"
+        )
     vertices, triangles = np.unique(corners, axis=0, return_inverse=True)
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
 

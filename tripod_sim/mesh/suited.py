@@ -35,7 +35,10 @@ def width_note(source: str, nodes: FloatArray) -> tuple[Doubt, ...]:
     width = float(np.ptp(nodes, axis=0).max())
     if width < WIDE:
         return ()
-    text = f"mesh.source {source!r} is {width:.4g} m wide; if it is described in millimetres, set mesh.scale = 0.001"
+    text = (
+        f"mesh.source {source!r} is {width:.4g} m wide; if its coordinates are in millimetres, set "
+        "mesh.scale = 0.001"
+    )
     return (Doubt(text),)
 
 
@@ -47,7 +50,11 @@ def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[Dou
     said = out_of_usual(material.mass / volume, "kg/m³", DENSITY)
     if not said:
         return ()
-    grams = "" if out_of_usual(1e-3 * material.mass / volume, "kg/m³", DENSITY) else "; or grams?"
+    grams = (
+        ""
+        if out_of_usual(1e-3 * material.mass / volume, "kg/m³", DENSITY)
+        else "; if you meant grams, divide material.mass by 1000"
+    )
     text = f"the density of {field}material.mass, {material.mass:g} kg in {volume:.4g} m³, {said}{grams}"
     return (Doubt(text),)
 
@@ -64,8 +71,9 @@ def suited(mesh: SolidMesh, poisson: float) -> tuple[SolidMesh, tuple[str, ...]]
     """
     if mesh.kind is H20 and (count := unseen_motions(mesh)):
         note = (
-            f"mesh.element 'h20' integrates this mesh as 'h20_full' does: its 2x2x2 points would leave {count} motions "
-            "without energy, as the body is one element thick and wide somewhere; mesh.refine = 1 gives it more"
+            "mesh.element 'h20' is integrated with full quadrature here, as 'h20_full': its reduced "
+            f"2x2x2 quadrature would leave {count} motions without stiffness, as the body is one element "
+            "thick and wide somewhere; mesh.refine = 1 avoids this"
         )
         return replace(mesh, kind=H20_FULL), (note,)
     note = bending_note(mesh, poisson) if mesh.kind in LINEAR else ""
@@ -80,8 +88,9 @@ def bending_note(mesh: SolidMesh, poisson: float) -> str:
         if mesh.kind is H8_MODES:
             return ""
         return (
-            f"mesh.element {mesh.kind.name!r} bends too stiffly where its cells are few across the body; this mesh, of "
-            f"{len(mesh.elements)} elements, is too large to estimate by how much; {others} no such error"
+            f"mesh.element {mesh.kind.name!r} bends too stiffly where few cells lie across the body. By "
+            f"how much is not estimated for this mesh of {len(mesh.elements)} elements, which is too "
+            f"large; {others} no such error"
         )
     softest, low, high = (100 * error for error in (found.softest, found.low, found.high))
     if mesh.kind is H8_MODES:  # it may be softer than the quadratic elements, which does not make it wrong
@@ -100,10 +109,10 @@ def bending_note(mesh: SolidMesh, poisson: float) -> str:
                 f"deflections at least {least:.0f} % too {size}, and {most:.0f} % in some directions"
             )
     if found.sideways > TOLD_SIDEWAYS:
-        errors.append(f"a drift sideways of up to about {100 * found.sideways:.0f} % of them")
+        errors.append(f"a sideways deflection of up to about {100 * found.sideways:.0f} % of them")
     if not errors:
         return ""
     return (
-        f"mesh.element {mesh.kind.name!r} is too coarse here to bend, at material.poisson = {poisson:g}: expect "
-        f"{' and '.join(errors)}; {others} no such error"
+        f"mesh.element {mesh.kind.name!r} is too coarse here for bending, at material.poisson = "
+        f"{poisson:g}: expect {' and '.join(errors)}; {others} no such error"
     )

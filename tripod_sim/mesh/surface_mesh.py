@@ -54,24 +54,27 @@ def check_surface(mesh: SurfaceMesh, source: str) -> None:
     """
     n = len(mesh.vertices)
     if not len(mesh.triangles):
-        raise SceneError(f"{source}: the surface has no triangles")
+        raise SceneError(f"{source}: the surface has no triangles; save it with faces")
     if (bad := np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))).size:
         raise SceneError(f"{source}: positions of vertices {names_of(bad)} are not finite")
     if (bad := np.flatnonzero(((mesh.triangles < 0) | (mesh.triangles >= n)).any(axis=1))).size:
         raise SceneError(f"{source}: triangles {names_of(bad)} name vertices outside 0..{n - 1}")
     if (bad := np.setdiff1d(np.arange(n), mesh.triangles)).size:
-        raise SceneError(f"{source}: vertices {names_of(bad)} belong to no triangle")
+        raise SceneError(f"{source}: vertices {names_of(bad)} belong to no triangle; remove them")
     with np.errstate(over="ignore", invalid="ignore"):
         shared = coincident(mesh.vertices, SAME * np.ptp(mesh.vertices, axis=0).max())
         bad = np.flatnonzero(~(_heights(mesh) > FLAT))
     if shared.size:
-        raise SceneError(f"{source}: vertices {names_of(shared)} share their position with another vertex")
+        raise SceneError(
+            f"{source}: vertices {names_of(shared)} have the same position as another vertex; merge them"
+        )
     if bad.size:
-        raise SceneError(f"{source}: triangles {names_of(bad)} have no area")
+        raise SceneError(f"{source}: triangles {names_of(bad)} have no area; remove them")
     edges, uses = edge_uses(mesh.triangles)
     if (crowded := edges[uses > 2]).size:
         raise SceneError(
-            f"{source}: edges at vertices {names_of(np.unique(crowded))} belong to more than two triangles"
+            f"{source}: edges at vertices {names_of(np.unique(crowded))} belong to more than two "
+            "triangles; correct the surface"
         )
     directed = directed_edges(mesh.triangles)
     _, inverse, count = np.unique(
@@ -79,8 +82,8 @@ def check_surface(mesh: SurfaceMesh, source: str) -> None:
     )
     if (turned := np.unique(np.flatnonzero(count[inverse.ravel()] > 1) // 3)).size:
         raise SceneError(
-            f"{source}: triangles {names_of(turned)} run round the same way along a shared edge, so they face "
-            "opposite sides"
+            f"{source}: triangles {names_of(turned)} have the opposite orientation of a neighbour; make "
+            "the orientation (normals) of the surface consistent"
         )
 
 

@@ -44,8 +44,8 @@ class YShape:
         chain = (0.0, self.hole_radius, self.disc_radius, inner, self.clamp_radius, self.tip_radius)
         if not (all(a < b for a, b in pairwise(chain)) and self.thickness > 0):
             raise SceneError(
-                "y_piece: need 0 < hole_radius < disc_radius < width / (2 tan(pi / legs)) < clamp_radius < "
-                f"tip_radius and thickness > 0 [m], got {self}"
+                "y_piece: these lengths must satisfy 0 < hole_radius < disc_radius < width / (2 tan(pi / "
+                f"legs)) < clamp_radius < tip_radius and thickness > 0 [m]; got {self}"
             )
 
 

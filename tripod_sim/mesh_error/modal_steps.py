@@ -14,7 +14,7 @@ class ModalSteps:
     """The errors in modes phi_i of the start, e = sum of phi_i z_i (see `integrators.time_error.Coordinates`).
 
     There m is 1, and A of a stage is diagonal, w + w_i² + d_i / s, d_i the damping of each mode (see `swing`). The
-    forces that the solver has left over are not carried: a step makes good what the one before left.
+    residuals of the solver are not carried: each step corrects that of the step before.
     """
 
     corrects = False

@@ -37,7 +37,8 @@ def bed_clamps(
         held = np.isin(mesh.elements, frame.nodes).all(axis=1)
         if not held.any():
             raise SceneError(
-                f"clamp: servo {i} holds no whole element of the mesh to bed; refine it or move the clamp"
+                f"clamp: servo_{i} holds no whole element of the mesh; refine the mesh or move the clamp "
+                "inward"
             )
         clamped.append(mesh.elements[held])
     elements = np.concatenate(clamped)

@@ -27,18 +27,20 @@ def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector"
     held = np.flatnonzero(radius <= effector.radius + 1e-9)
     if not held.size:
         raise SceneError(
-            f"{field}.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
+            f"{field}.radius is {effector.radius} m: no node is so near the Z axis; the nearest is "
+            f"{radius.min():.4g} m away: set a larger radius"
         )
     if held.size < FEWEST:
         raise SceneError(
-            f"{field}.radius is {effector.radius} m: it holds {held.size} of the nodes, and a disc needs {FEWEST}; so "
-            f"many are within {np.sort(radius)[FEWEST - 1]:.4g} m of Z"
+            f"{field}.radius is {effector.radius} m: {held.size} nodes are within it, but a disc needs "
+            f"{FEWEST}; there are so many within {np.sort(radius)[FEWEST - 1]:.4g} m of the Z axis: set a "
+            "larger radius"
         )
     arms = nodes[held] - nodes[held].mean(axis=0)
     length, width, _ = np.linalg.svd(arms, compute_uv=False)
     if width <= THIN * length:
         raise SceneError(
-            f"{field}.radius is {effector.radius} m: its {held.size} nodes lie on a line, about which a disc could "
-            "turn freely; enlarge it"
+            f"{field}.radius is {effector.radius} m: its {held.size} nodes lie on a line, about which the "
+            "disc could turn freely; enlarge the radius"
         )
     return held

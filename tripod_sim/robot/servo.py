@@ -54,8 +54,9 @@ class Stall:
 
     def __str__(self) -> str:
         return (
-            f"servo_{self.servo} is stalled: load {self.load:.3f} N m, stall torque {self.stall_torque:.3f} N m, "
-            f"{abs(self.short):.3f} rad short of its command"
+            f"servo_{self.servo} is stalled: the load of {self.load:.3f} N m reaches its stall torque of "
+            f"{self.stall_torque:.3f} N m, and it stays {abs(self.short):.3f} rad from its command; "
+            "reduce the load or the angle"
         )
 
 

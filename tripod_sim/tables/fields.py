@@ -100,10 +100,10 @@ def out_of_usual(value: float, unit: str, usual: tuple[float, float]) -> str:
     if value == 0 or low <= abs(value) <= high:
         return ""
     hint = next(
-        (f"; {name}? {value:g} {name} are {value * size:.4g} {unit}"
+        (f'; if you meant {name}, write "{value:g}{name}"'
          for name, size in LIKELY_UNITS.get(unit, ()) if low <= abs(value) * size <= high), "",
     )  # fmt: skip
-    return f"is {value:.4g} {unit}; usual is {low:g} to {high:g} {unit}{hint}"
+    return f"is {value:.4g} {unit}; usual values are {low:g} to {high:g} {unit}{hint}"
 
 
 def _numbers(value: Any) -> Iterator[float]:
@@ -155,10 +155,10 @@ def with_unit(text: str, unit: str) -> float:
 
 def other_unit(value: float, unit: str, fits: Callable[[float], bool]) -> str:
     """Return a hint that a number out of range would be in range in another unit; empty if it would not."""
-    name, _, size, least = OTHER_UNITS.get(unit, ("", "", 0.0, math.inf))
+    name, sign, size, least = OTHER_UNITS.get(unit, ("", "", 0.0, math.inf))
     if not (least < abs(value) < math.inf and fits(value * size)):
         return ""
-    return f"; {name}? {value:g} {name} are {value * size:.4g} {unit}"
+    return f"; if you meant {name}, write {value:g}{sign}"
 
 
 def allowed(meta: Any) -> str:
@@ -177,7 +177,7 @@ def allowed(meta: Any) -> str:
 def check_box(where: str, low: Sequence[float] | None, high: Sequence[float] | None) -> None:
     """Raise SceneError if corners of a box [m] are in the wrong order."""
     if low is not None and high is not None and not all(a <= b for a, b in zip(low, high, strict=True)):
-        raise SceneError(f"{where}: low {low} must not exceed high {high} [m]")
+        raise SceneError(f"{where}: low {low} must not be above high {high} [m]; exchange them")
 
 
 def check_axes(where: str, axes: str) -> None:
@@ -191,6 +191,6 @@ def check_unit(where: str, quaternion: tuple[float, ...]) -> None:
     size = sum(c * c for c in quaternion) ** 0.5
     if not abs(size - 1) <= 0.01:
         raise SceneError(
-            f"{where} is {quaternion}, of norm {size:.4g}; it must be a unit quaternion x, y, z, w; divide it by its "
-            "norm"
+            f"{where} is {quaternion}, of norm {size:.4g}; it must be a unit quaternion x, y, z, w: "
+            "divide it by its norm"
         )

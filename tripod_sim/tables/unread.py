@@ -38,7 +38,7 @@ def unread(scene: Any) -> list[str]:
     found = []
     for path, table in tables_in(scene):
         if isinstance(table, Material) and table.density and (names := _given(path, table, ["mass"])):
-            found.append(f"{names}: without effect where {path}.density is given")
+            found.append(f"{names}: ignored, because {path}.density is given; leave one out")
         if reads := READS.get(type(table)):
             kind = getattr(table, reads.kind)
             counted = next(
@@ -48,16 +48,18 @@ def unread(scene: Any) -> list[str]:
                 [name for names in (*reads.by_kind.values(), reads.others) for name in names]
             )
             if names := _given(path, table, [name for name in every if name not in counted]):
-                found.append(f"{names}: without effect where {path}.{reads.kind} is {kind!r}")
+                found.append(f"{names}: ignored where {path}.{reads.kind} is {kind!r}; leave it out")
     if scene.servo and (names := _given("servos", scene.servos, ["axis_radius", "clamp_radius"])):
-        found.append(f"{names}: without effect where servos have tables of their own")
+        found.append(f"{names}: ignored, because each servo has its own [[servo]] table; leave it out")
     joints = joints_of(scene)
     if scene.motion and not joints:
-        found.append("motion: without effect where there are no servos")
+        found.append("motion: ignored, because the scene has no servos; add [servos] or leave it out")
     if joints and not joints.slides:
         for path in ("servos", "motion"):
             if names := _given(path, getattr(scene, path), ["slide"]):
-                found.append(f"{names}: without effect where no servo has a direction inward")
+                found.append(
+                    f"{names}: ignored, because no servo slides; set servo.0.inward, ... or leave it out"
+                )
     return found
 
 

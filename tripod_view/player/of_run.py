@@ -47,7 +47,7 @@ def pictures(times: FloatArray, corners: int) -> NDArray[np.int64]:
     """Return which steps are shown, evenly spaced and the last one always, of a body with so many corners."""
     count = len(times)
     if not count:
-        raise FilmError("time: a film needs at least one step; the run made none")
+        raise FilmError("time: a film needs at least one step, and the run has none")
     apart = (times[-1] - times[0]) / max(count - 1, 1)
     stride = max(1, int(1 / (RATE * apart) + 1e-9) if apart > 0 else 1)
     most = int(max(2, min(MOST_PICTURES, MOST_NUMBERS / max(3 * corners, 1))))
@@ -88,8 +88,8 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
     missing = [n for n in ("time", "positions", "triangles", "bodies", "scene", "version") if n not in arrays]
     if missing:
         raise FilmError(
-            f"{', '.join(missing)}: not in this file; a recording that `tripod run --out` of this version has "
-            "written is needed"
+            f"{', '.join(missing)}: missing in this file; it must be written with `tripod run --out` of "
+            "this version"
         )
     _check_arrays(arrays)
     count = len(arrays["time"])
@@ -128,7 +128,7 @@ def _check_arrays(arrays: Arrays) -> None:
         if not fits or any(n not in (None, m) for n, m in zip(shape[rows:], array.shape[rows:], strict=True)):
             wanted = ", ".join("any" if n is None else "steps" if n == STEPS else str(n) for n in shape)
             raise FilmError(
-                f"{name}: it is of shape {array.shape} and kind {array.dtype}; shape ({wanted}) is needed"
+                f"{name} has shape {array.shape} and type {array.dtype}; it must have shape ({wanted})"
             )
         if name not in MOVING and not np.isfinite(array).all():
             raise FilmError(f"{name}: a film needs finite numbers")

@@ -77,7 +77,9 @@ def read_run(path: Path) -> dict[str, Any]:
         OSError: it cannot be read.
     """
     if path.suffix.lower() != ".npz":
-        raise FilmError(f"{str(path)!r} does not end in .npz; `tripod run --out run.npz` writes such a file")
+        raise FilmError(
+            f"{str(path)!r} does not end in .npz; write such a file with `tripod run SCENE --out run.npz`"
+        )
     found, still = dict[str, Any](), 0
     with _archive(path) as archive:
         for member in archive.namelist():
@@ -87,15 +89,15 @@ def read_run(path: Path) -> dict[str, Any]:
                 if name in MOVING and shape and not in_columns:
                     if size > MOST_ROW * max(1, shape[0]):
                         raise FilmError(
-                            f"{name}: {size / shape[0]:.2g} bytes for each step; at most {MOST_ROW:.2g}"
+                            f"{name} has {size / shape[0]:.2g} bytes for each step; allowed: at most {MOST_ROW:.2g}"
                         )
                     found[name] = Rows(path, name, shape, dtype)
                     continue
                 still += size
                 if still > MOST_STILL:
                     raise FilmError(
-                        f"{str(path)!r} would take {still:.2g} bytes of memory, {size:.2g} of them for {name}; at most "
-                        f"{MOST_STILL:.2g}, besides what has a row for each step"
+                        f"{str(path)!r} would take {still:.2g} bytes of memory, {size:.2g} of them for {name}; "
+                        f"allowed: at most {MOST_STILL:.2g}, not counting what has a row for each step"
                     )
             with archive.open(f"{name}.npy") as file:
                 found[name] = npy.read_array(file, allow_pickle=False)
@@ -112,7 +114,10 @@ def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
         except FilmError:
             raise
         except BROKEN as error:
-            raise FilmError(f"{str(path)!r} is no recording of a run: {error}") from None
+            raise FilmError(
+                f"{str(path)!r} is not a recording of a run: {error}; write one with `tripod run SCENE --out "
+                "run.npz`"
+            ) from None
 
 
 @contextmanager
@@ -123,7 +128,7 @@ def _member(
     with archive.open(f"{name}.npy") as file:
         version = npy.read_magic(file)
         if version not in HEADERS:
-            raise ValueError(f"{name} is an array of version {version}")
+            raise ValueError(f"the array {name} has the unknown format version {version}")
         shape, in_columns, dtype = HEADERS[version](file)
         if dtype.hasobject or any(n < 0 for n in shape):
             raise ValueError(f"{name}: object arrays hold neither numbers nor text")

@@ -22,23 +22,24 @@ class FilmServer:
         url: The address, with its token.
     """
 
-    def __init__(self, page: Callable[[], str], reel: Callable[[int], Answer]) -> None:
-        """Listen on loopback at a free port.
+    def __init__(self, page: Callable[[], str], reel: Callable[[int], Answer], port: int = 0) -> None:
+        """Listen on loopback.
 
         Args:
             page: Returns the page; called for each browser, in a thread of its own.
             reel: Returns what the player is told of the pictures from one on: `reel` (None: there are none yet) and
                 `done`; called likewise.
+            port: Number of the port; 0 takes a free one.
 
         Raises:
-            OSError: there is no port to listen on.
+            OSError: the port is taken, or there is none.
         """
         gate = Gate()
 
         class Handler(_Handler):
             answers = (gate, page, reel)
 
-        self._server = ThreadingHTTPServer((HOST, 0), Handler)
+        self._server = ThreadingHTTPServer((HOST, port), Handler)
         self._server.daemon_threads = True
         self.url = f"http://{HOST}:{self._server.server_address[1]}/{gate.token}"
         threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True).start()

@@ -34,7 +34,10 @@ def find_ffmpeg() -> str:
     """Return the path of ffmpeg. Raises NoFfmpegError, which tells how to install it."""
     if found := shutil.which("ffmpeg"):
         return found
-    raise NoFfmpegError("ffmpeg is not there; to install: sudo apt-get install ffmpeg. --html needs nothing")
+    raise NoFfmpegError(
+        "ffmpeg, which makes GIF and video, is not installed: sudo apt-get install ffmpeg; --html "
+        "works without it"
+    )
 
 
 def write_video(film: Film, path: Path, progress: Callable[[float], None] | None = None) -> None:
@@ -50,7 +53,8 @@ def write_video(film: Film, path: Path, progress: Callable[[float], None] | None
     wanted = np.arange(film.times[0], film.times[-1] + 1e-9, 1 / rate)
     if len(wanted) > MOST_PICTURES:
         raise FilmError(
-            f"{kind[1:]}: {len(wanted)} pictures; at most {MOST_PICTURES} are drawn: shorten --duration"
+            f"{kind[1:]}: {len(wanted)} pictures are needed, and at most {MOST_PICTURES} can be drawn: "
+            "shorten --duration"
         )
     shown = np.clip(np.searchsorted(film.times, wanted + 1e-9, side="right") - 1, 0, None)
     width, height = painter.size
