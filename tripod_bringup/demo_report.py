@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from tripod_bringup.demo_summary import Measurements, RecordingFacts, problems, summary_rows
+from tripod_bringup.demo_summary import Measurements, RecordingFacts, conclusion, problems, summary_rows
 from tripod_bringup.screen import Screen
 
 
@@ -29,6 +29,8 @@ def report_demo(
     found = problems(measured, facts)
     for problem in found:
         print(f"tripod up: the demo failed: {problem}", file=sys.stderr)
+    if not found:
+        screen.line(conclusion(measured))
     return not found
 
 

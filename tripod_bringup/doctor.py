@@ -197,7 +197,9 @@ def check_speed(measure: Callable[[], float] = measure_product) -> Check:
         return Check("speed", Verdict.FAIL, f"numpy does not run: {error}", "run `make setup`")
     found = f"1000 x 1000 product in {seconds * 1e3:.0f} ms, one thread"
     if seconds > SLOW_PRODUCT:
-        advice = "slow or busy: the simulation may fall behind real time; choose a coarser mesh"
+        advice = (
+            "slow or busy: the simulation may fall behind real time; add --accuracy real-time to tripod up"
+        )
         return Check("speed", Verdict.WARN, found, advice)
     return Check("speed", Verdict.OK, found)
 

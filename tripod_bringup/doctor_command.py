@@ -36,3 +36,13 @@ def show(checks: Sequence[Check]) -> None:
         console.print(line)
         if check.advice:
             console.print(f"{'':<{width + 8}}{check.advice}", style="dim")
+    console.print(verdict_line(checks))
+
+
+def verdict_line(checks: Sequence[Check]) -> str:
+    """Return whether this machine is ready, and which checks ask for something."""
+    if failed := [check.name for check in checks if check.verdict is Verdict.FAIL]:
+        return f"not ready: fix {', '.join(failed)}, as the lines above say"
+    if warned := [check.name for check in checks if check.verdict is Verdict.WARN]:
+        return f"ready; look at {', '.join(warned)}"
+    return "ready"

@@ -11,12 +11,12 @@ from tripod_bringup.accuracy_option import Accuracy, Budget, Study
 from tripod_bringup.node_command import NODES, NodeCommand, run_node_command
 from tripod_bringup.options import (
     Json,
-    OldSettings,
     Overrides,
     Quiet,
     SceneArgument,
     SceneName,
     SceneNodeSettings,
+    SceneWords,
     Subnet,
     examples,
     given_options,
@@ -100,14 +100,14 @@ IK_HELP = (
     "Find servo angles for a target, or run the ROS node for it.\n\n"
     "With --target it needs no ROS: it prints angles, residual, torques and active limits. "
     "Exit codes: 0 reached, 1 not reached, 2 bad arguments. "
-    "Without --target only --set and --subnet are allowed."
+    "Without --target only the scene, --set and --subnet are allowed."
 )
 
 
 @commands.command("ik", cls=NodeCommand, help=IK_HELP, epilog=examples(*NODES["ik"].examples))
 def ik(
     context: typer.Context,
-    values: OldSettings = None,
+    values: SceneWords = None,
     *,
     target: Annotated[
         str | None,
@@ -119,7 +119,7 @@ def ik(
     tilt: Annotated[
         str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad], or as 10deg.")
     ] = "0 0",
-    scene: SceneName = "tripod",
+    scene: SceneName = "",
     set_: SceneNodeSettings = None,
     slide: Slide = 0.035,
     start: Annotated[
@@ -152,8 +152,15 @@ def ik(
     subnet: Subnet = False,
 ) -> None:
     """Run the node, or solve once; the help is `IK_HELP`."""
+    from tripod_bringup.up_command import named_scene  # noqa: PLC0415
+
     known = {str(parameter.name) for parameter in context.command.params}
-    given = given_options(context, known - {"values", "subnet", "set_"})
+    given = given_options(context, known - {"values", "subnet", "set_", "scene"})
+    try:
+        named, values = named_scene(values or [], scene)
+    except ValueError as error:
+        print(f"tripod ik: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
     if target is None and given:
         print(
             f"tripod ik: {given[0]} needs --target; the parameters of the node are set by --set NAME=VALUE",
@@ -161,7 +168,8 @@ def ik(
         )
         raise typer.Exit(2)
     if target is None:
-        raise typer.Exit(run_node_command("ik", values or [], set_ or [], subnet=subnet, ros=context.obj))
+        own = [f"scene={named}", *(set_ or [])] if named != "tripod" else set_ or []
+        raise typer.Exit(run_node_command("ik", values, own, subnet=subnet, ros=context.obj))
     if values:
         print(
             f"tripod ik: {values[0]!r} is a parameter of the node; with --target give options",
@@ -173,7 +181,7 @@ def ik(
     raise typer.Exit(
         solve_command(
             target,
-            scene=scene,
+            scene=named,
             overrides=set_ or [],
             goal=goal,
             tilt=tilt,

@@ -144,6 +144,16 @@ SceneNodeSettings = Annotated[
     ),
 ]
 
+SceneWords = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[SCENE]",
+        help="Name of a scene, or path of a scene file; tripod by default.",
+        autocompletion=some_scenes,
+    ),
+]
+"""The scene, then parameters of a node as they were set before `--set`."""
+
 OldSettings = Annotated[list[str] | None, typer.Argument(metavar="NAME:=VALUE", hidden=True)]
 """Parameters of a node as they were set before `--set`."""
 

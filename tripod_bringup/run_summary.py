@@ -23,12 +23,12 @@ def summary_rows(result: Mapping[str, Any], again: Sequence[str], *, view: bool 
         view: Whether it is shown on a page already.
     """
     median, dt = result["step_ms"]["median"], result["dt"] * 1e3
-    time = f"{result['time']:.4g} s, computed in {_digits(result['seconds'])} s: {result['steps']} steps of {dt:.4g} ms"
-    cost = f"{_digits(median)} ms for a step (median)"
+    time = f"{result['time']:.4g} s in {result['steps']} steps of {dt:.4g} ms"
+    cost = f"{_digits(result['seconds'])} s of computing; a typical step took {_digits(median)} ms (median)"
     if median > 0:
         faster = dt / median >= 1
         times = _digits(dt / median if faster else median / dt)
-        cost += f", {times} times {'faster' if faster else 'slower'} than real time"
+        cost += f", {times} times {'less' if faster else 'more'} than it simulates"
     files = ", ".join(f"{f['file']} ({_digits(f['bytes'] / 1e6)} MB)" for f in result.get("written", ()))
     return [
         ("result", _outcome(result)),
@@ -69,8 +69,8 @@ def _error(result: Mapping[str, Any]) -> str:
     measured = figures.get("error", {}).get("measured")
     if measured is not None:
         words.append(
-            f"about {_digits(100 * measured)} % from a converged solution (measured in the accuracy study of this "
-            f"scene) in: {figures['quantity']}"
+            f"about {_digits(100 * measured)} %: measured in the accuracy study of this scene, against a converged "
+            f"solution, for {figures['quantity'].replace('; ', ' and for ')}"
         )
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))

@@ -55,7 +55,7 @@ class Supervisor:
         Args:
             stages: What to start, first stage first.
             on_line: Takes name and line of each process's output, in the thread of `run`.
-            on_tick: Called every `PERIOD` with the phase, "starting NAME, NAME", "" or "stopping NAME, NAME".
+            on_tick: Called every `PERIOD` with the phase: "waiting for NAME to start", "" or "stopping NAME".
             before_stop: Called once before the first process is asked to stop.
         """
         self.stages = [list(stage) for stage in stages if stage]
@@ -105,7 +105,7 @@ class Supervisor:
                     if self.processes[spec.name].effort.again().idle > spec.start_time:
                         cause = f"{spec.name} did not start: nothing happened for {spec.start_time:g} s"
                         return Ending(spec.exit_code, cause, list(self.processes[spec.name].tail))
-                self._pause("starting " + ", ".join(map(self._work, waiting)))
+                self._pause("waiting for " + ", ".join(map(self._work, waiting)) + " to start")
         return None
 
     def _watch(self, until: Callable[[], str]) -> Ending:

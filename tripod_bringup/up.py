@@ -164,7 +164,7 @@ def _run(options: UpOptions, screen: Screen) -> int:
         graph.watch.describe_processes(
             lambda: {name: process.end for name, process in dict(supervisor.processes).items()}
         )
-        until = _Until(options.duration, graph)
+        until = _Until(options.duration, graph, lambda: screen.line(_next_step(options)))
         ending = _judged(supervisor.run(until), over=until.over, absence=graph.watch.absence)
     if graph.failure and not ending.code:
         ending = Ending(FAILED, graph.failure)
@@ -261,17 +261,20 @@ class _Until:
     Attributes:
         duration: How long it shall run [s], None until told.
         graph: The nodes of this process.
+        on_start: Called once, when everything is up.
         over: Whether the time was up, or the demo had played.
     """
 
     duration: float | None
     graph: Graph
+    on_start: Callable[[], None] = lambda: None
     over: bool = False
     _since: float | None = None
 
     def __call__(self) -> str:
         if self._since is None:
             self._since = time.monotonic()
+            self.on_start()
         if self.graph.failure:
             return self.graph.failure
         if player := self.graph.player:
@@ -282,6 +285,19 @@ class _Until:
             return "the demo is over" if self.over else ""
         self.over = self.duration is not None and time.monotonic() - self._since >= self.duration
         return f"{self.duration:g} s are over" if self.over else ""
+
+
+def _next_step(options: UpOptions) -> str:
+    """Return what the user can do now that everything runs."""
+    if options.demo:
+        does = "the robot follows a circle" + ("; see it on the page" if options.view else "")
+    elif options.script:
+        does = "the robot plays the script" + ("; see it on the page" if options.view else "")
+    elif options.view:
+        does = "everything runs; open the page and click Move the robot"
+    else:
+        does = "everything runs; steer it from another terminal: tripod teleop"
+    return f"{does}; Ctrl-C ends everything"
 
 
 def _judged(ending: Ending, *, over: bool, absence: str) -> Ending:

@@ -21,6 +21,7 @@ from tripod_bringup.options import (
     OldSettings,
     SceneName,
     SceneNodeSettings,
+    SceneWords,
     ServoScript,
     SlideScript,
     Subnet,
@@ -167,14 +168,7 @@ def view(
 @commands.command(cls=NodeCommand, help=NODES["sim"].help, epilog=examples(*NODES["sim"].examples))
 def sim(
     context: typer.Context,
-    values: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[SCENE]",
-            help="Name of a scene, or path of a scene file; tripod by default.",
-            autocompletion=some_scenes,
-        ),
-    ] = None,
+    values: SceneWords = None,
     *,
     set_: SceneNodeSettings = None,
     accuracy: Accuracy = None,

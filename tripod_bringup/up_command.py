@@ -94,6 +94,9 @@ def up_command(
         record = record or Path("recordings")
         if duration is None and not screen.terminal:
             duration = DEMO_TIME
+            screen.line(
+                f"no terminal: the demo ends after {DEMO_TIME:g} s; choose another time with --duration"
+            )
     options = UpOptions(
         record=record,
         view=view,

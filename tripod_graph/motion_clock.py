@@ -8,7 +8,7 @@ STALL = 0.5
 
 STALLED = (
     "/clock does not advance, and use_sim_time is true: start the node that publishes it, or set "
-    "use_sim_time:=false"
+    "use_sim_time to false"
 )
 """What there is to say then."""
 

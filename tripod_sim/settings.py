@@ -40,7 +40,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "publish_clock",
         False,
-        "Publish simulated time on /clock and command, stamp and move by it; the others take use_sim_time:=true",
+        "Publish simulated time on /clock and command, stamp and move by it; the others take use_sim_time=true",
     ),
     Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
     *LIMIT_PARAMETERS,

@@ -207,7 +207,7 @@ def test_a_child_that_never_becomes_ready_ends_the_start(log: Log) -> None:
     assert ending.code == 10
     assert_names(ending.cause, "sim", "0.5 s")
     assert "started driver" not in log.events()
-    assert "starting sim" in phases
+    assert "waiting for sim to start" in phases
 
 
 def test_a_start_that_works_is_waited_for_however_long_it_takes(log: Log) -> None:
@@ -221,7 +221,7 @@ def test_a_start_that_works_for_long_shows_it(log: Log, monkeypatch: pytest.Monk
     phases: set[str] = set()
 
     def shown() -> bool:
-        return any(names(phase, "starting sim", "1 s") for phase in phases)
+        return any(names(phase, "waiting for sim", "1 s") for phase in phases)
 
     busy = spec(log, "sim", "--work", "20", ready=shown, start_time=1.0)
     ending = Supervisor([[busy]], on_tick=phases.add).run(lambda: "enough")

@@ -46,7 +46,8 @@ def test_a_line_is_understood(line: str, expected: LogLine) -> None:
 def test_the_status_line_tells_mode_speed_error_state_and_packets() -> None:
     status = ChainStatus("IK", "RUNNING", 0.998, 0.62e-3, "TRACKING", 0.05e-3, "ACTIVE", 1234, "ik: slow")
     mode, sim, ik, robot, note = status_line(status).split(" | ")
-    assert_names(mode, "mode IK")
+    assert_names(mode, "control IK")
+    assert status_line(ChainStatus("STOP")).startswith("control nobody (STOP) |")
     assert_names(sim, "sim running", "1.00x", "step 0.62 ms")
     assert_names(ik, "ik tracking", "0.05 mm")
     assert_names(robot, "robot active", "1234 packets")
@@ -55,7 +56,7 @@ def test_the_status_line_tells_mode_speed_error_state_and_packets() -> None:
 
 def test_what_is_not_known_is_a_dash() -> None:
     columns = status_line(ChainStatus()).split(" | ")
-    assert [column.split()[0] for column in columns] == ["mode", "sim", "ik", "robot"]
+    assert [column.split()[0] for column in columns] == ["control", "sim", "ik", "robot"]
     assert [column.count("-") for column in columns] == [1, 3, 1, 1]
 
 

@@ -109,10 +109,11 @@ class Stage:
         for entity in entities:
             self.wait(self._executor.create_task(kinds[type(entity)], entity).done)
 
-    def wait(self, what: Callable[[], object]) -> object:
+    def wait(self, what: Callable[[], object], found_instead: Callable[[], str] = str) -> object:
+        """Wait until `what` returns something true, and return it; `found_instead` describes what is there if not."""
         until = time.monotonic() + DEADLINE
         while not (found := what()):
-            assert time.monotonic() < until
+            assert time.monotonic() < until, found_instead()
             time.sleep(0.01)
         return found
 

@@ -173,9 +173,10 @@ def test_every_control_of_every_scene_does_what_it_says(
     stage: Stage, browser: Any, size: str, scenes: Sequence[str]
 ) -> None:
     asked: list[str] = []
-    requests = stage.sim.create_subscription(String, names.SIM_REQUEST, lambda m: asked.append(m.data), 10)
+    requests = stage.sim.create_subscription(String, names.SIM_REQUEST, lambda m: asked.append(m.data), 100)
     show(stage.sim, "tripod")
     with Opened(browser, stage, size) as opened:
+        stage.wait(requests.get_publisher_count)
         opened.wait("[...document.querySelectorAll('#root canvas')].some((c) => c.width > 50)")
         for scene in scenes:
             shown = show(stage.sim, scene)
@@ -239,7 +240,7 @@ def press_everything(opened: Opened, stage: Stage, shown: dict[str, Any], asked:
     )
     offered = any(not offer["why_not"] for offer in shown["accuracy"]["offers"])
     wanted = {'{"do": "reset"}', '{"do": "pause"}', '{"do": "step"}', *(['{"do": "drop"}'] if drop else [])}
-    stage.wait(lambda: wanted <= set(asked))
+    stage.wait(lambda: wanted <= set(asked), lambda: f"{wanted - set(asked)} did not arrive, but {asked}")
     for word in ('"on": true', '"on": false', *(["accuracy"] if offered else [])):
         stage.wait(lambda word=word: any(word in request for request in asked))
     opened.page.keyboard.press("Escape")
