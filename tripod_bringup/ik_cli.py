@@ -157,7 +157,7 @@ def ik(
     known = {str(parameter.name) for parameter in context.command.params}
     given = given_options(context, known - {"values", "subnet", "set_", "scene"})
     try:
-        named, values = named_scene(values or [], scene)
+        named, words = named_scene(values or [], scene)
     except ValueError as error:
         print(f"tripod ik: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
@@ -169,10 +169,10 @@ def ik(
         raise typer.Exit(2)
     if target is None:
         own = [f"scene={named}", *(set_ or [])] if named != "tripod" else set_ or []
-        raise typer.Exit(run_node_command("ik", values, own, subnet=subnet, ros=context.obj))
-    if values:
+        raise typer.Exit(run_node_command("ik", words, own, subnet=subnet, ros=context.obj))
+    if words:
         print(
-            f"tripod ik: {values[0]!r} is a parameter of the node; with --target give options",
+            f"tripod ik: {words[0]!r} is a parameter of the node; with --target give options",
             file=sys.stderr,
         )
         raise typer.Exit(2)
