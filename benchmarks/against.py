@@ -2,8 +2,8 @@
 
 OLD is another checkout of this project, such as a worktree of an earlier commit. Each scene makes the same steps with
 its own motion, in each checkout in a process of its own, `--turns` times in turn, so that other work on the machine
-meets both. Prints the CPU time of a step [ms], the least of all turns, and the ratio new over old. Words with `=` change the
-scenes, as `--set` does. Ends with 1 if a ratio is above `--limit`.
+meets both. Prints the CPU time of a step [ms], the least of all turns, and the ratio new / old. Words with `=` change
+the scenes, as `--set` does. Ends with 1 if a ratio is above `--limit`.
 """
 
 import argparse

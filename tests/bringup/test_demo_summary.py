@@ -6,12 +6,14 @@ import pytest
 
 from tests.messages import assert_names, line_naming, names
 from tripod_bringup.demo_summary import (
+    COARSER,
     NOT_MEASURED,
     SAMPLE,
     Measurements,
     RecordingFacts,
     Sample,
     Spread,
+    conclusion,
     problems,
     summary_rows,
 )
@@ -54,7 +56,7 @@ def test_every_figure_is_told_with_its_unit() -> None:
     line_naming(table, "packets", 300, "mock")
     line_naming(table, "recording: recordings/one", "2.5 MB", "1234 messages")
     error = line_naming(table, "effector", "target", "rms", "0.354 mm", "0.5 mm", "2 samples", "1 s")
-    assert not names(error, "not")
+    assert not names(error, "more")
     assert problems(full(), RECORDING) == []
     assert problems(full(), None) == []
 
@@ -63,7 +65,17 @@ def test_an_error_above_what_is_wanted_is_named_so() -> None:
     measured = full()
     measured.tracking.add(2e-3)
     table = "\n".join(": ".join(row) for row in summary_rows(measured, None))
-    line_naming(table, "effector", "target", "rms", "not", "0.5 mm")
+    line_naming(table, "effector", "target", "rms", "more", "0.5 mm")
+
+
+def test_a_chain_that_ran_shows_that_the_installation_works_also_where_it_was_slow() -> None:
+    measured = full()
+    assert_names(conclusion(measured), "installation works")
+    assert not names(conclusion(measured), "busy")
+    measured.tracking.add(2e-3)
+    assert_names(conclusion(measured), "installation works", "busy")
+    measured.real_time_factor = sample(0.4, 0.4)
+    assert_names(conclusion(measured), "installation works", "0.40", COARSER)
 
 
 def test_what_was_not_measured_is_no_number() -> None:

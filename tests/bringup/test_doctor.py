@@ -179,3 +179,10 @@ def test_exit_code_and_output(
         "found": "[found]",
         "advice": "do [this]",
     }
+
+
+def test_the_doctor_ends_with_a_verdict() -> None:
+    fine, odd, broken = (Check(name, v, "found") for name, v in zip("abc", Verdict, strict=True))
+    assert doctor_command.verdict_line([fine]) == "ready"
+    assert_names(doctor_command.verdict_line([fine, odd]), "ready", "b")
+    assert_names(doctor_command.verdict_line([odd, broken]), "not ready", "c")

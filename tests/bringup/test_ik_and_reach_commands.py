@@ -39,8 +39,14 @@ def test_a_slide_that_is_no_length_is_refused(words: list[str]) -> None:
     assert_names(result.stderr, "--slide", "'3 ft'", "m", "mm", "cm")
 
 
+def test_the_scene_may_come_first_but_not_twice() -> None:
+    twice = tripod("ik", "cross", "--scene", "tripod", "--target", "0 0 -0.0065")
+    assert twice.exit_code == 2
+    assert_names(twice.stderr, "'cross'", "--scene", "'tripod'")
+
+
 def test_a_start_has_an_angle_for_each_servo_of_the_scene() -> None:
-    words = ["ik", "--scene", "cross", *COARSE, "--target", "0 0 -0.0065", "--start"]
+    words = ["ik", "cross", *COARSE, "--target", "0 0 -0.0065", "--start"]
     assert tripod(*words, "-1.5 -1.5 -1.5 -1.5").exit_code == 0
     short = tripod(*words, "-1.5 -1.5 -1.5").stderr
     assert_names(short, "--start", "'-1.5 -1.5 -1.5'", "4 finite numbers")

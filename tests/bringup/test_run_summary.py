@@ -85,7 +85,7 @@ def test_the_measured_error_is_told_with_its_meaning_and_what_makes_it_smaller()
     assert_names(found["result"], "41.3 mm", "still moving")
     assert_names(found["error"], "1.3 %", "converged solution", "measured", "the free corner")
     assert not names(found["error"], 3, "%"), "no bound beside a measured value"
-    assert_names(found["cost"], "25 ms", "2.5 times slower")
+    assert_names(found["cost"], "25 ms", "2.5 times more")
     assert_names(found["next"], "tripod run cloth --accuracy 1%")
 
 

@@ -207,7 +207,7 @@ def test_a_child_that_never_becomes_ready_ends_the_start(log: Log) -> None:
     assert ending.code == 10
     assert_names(ending.cause, "sim", "0.5 s")
     assert "started driver" not in log.events()
-    assert "waiting for sim to start" in phases
+    assert any(names(phase, "waiting for sim") for phase in phases)
 
 
 def test_a_start_that_works_is_waited_for_however_long_it_takes(log: Log) -> None:

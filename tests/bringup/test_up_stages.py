@@ -288,3 +288,12 @@ def test_a_fault_of_this_process_is_not_told_as_one_of_a_file(
     with pytest.raises(OSError, match="Cannot allocate memory"):
         up_module.up(UpOptions(), Screen(terminal=False))
     assert capsys.readouterr().err == ""
+
+
+def test_who_has_started_everything_is_told_what_to_do_next() -> None:
+    assert_names(up_module._next_step(UpOptions()), "page", "Move the robot", "Ctrl-C")
+    assert_names(up_module._next_step(UpOptions(view=False)), "tripod teleop", "Ctrl-C")
+    assert_names(up_module._next_step(UpOptions(demo=True)), "circle", "page")
+    told: list[bool] = []
+    until = _Until(None, SimpleNamespace(failure="", demo=None, player=None), lambda: told.append(True))  # type: ignore[arg-type]
+    assert (until(), until(), told) == ("", "", [True])
