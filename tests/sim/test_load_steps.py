@@ -8,6 +8,7 @@ from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.build import build
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
@@ -66,6 +67,33 @@ def test_a_nearly_incompressible_piece_is_rolled_back_and_its_reach_halved() -> 
     assert report.residual <= 1e-4
     assert state.positions[:, 2].min() == pytest.approx(-0.0746, abs=5e-4)
     assert parts.system.elastic.terms[0].worst_element(state.positions, state.modes)[1] > 0.9
+
+
+def test_an_indefinite_tangent_or_an_unsolved_one_has_no_response(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the start the state stays as it is, and is not called factored; on the way the increments are rolled back."""
+    system, state = flat()
+    start, factor = state.positions.copy(), System.factor
+    monkeypatch.setattr(System, "factor", lambda self, shift=0.0: False)
+    report = LoadSteps(system, 1e-4).carry(state)
+    assert (report.increments, report.factorisations, report.halvings) == (0, 0, 0)
+    np.testing.assert_array_equal(state.positions, start)
+    monkeypatch.setattr(System, "factor", factor)
+
+    def fail(right: np.ndarray) -> np.ndarray:
+        raise LinearError("no convergence")
+
+    with monkeypatch.context() as changed:
+        changed.setattr(system.linear, "solve", fail)
+        report = LoadSteps(system, 1e-4).carry(state)
+    assert (report.increments, report.factorisations, report.halvings) == (0, 0, 0)
+    made = list[bool]()
+    monkeypatch.setattr(
+        System,
+        "factor",
+        lambda self, shift=0.0: made.append(True) or (factor(self, shift) and len(made) != 3),
+    )
+    report = LoadSteps(system, 1e-4).carry(state)
+    assert report.halvings == 1
 
 
 def test_what_told_that_a_load_bends_little_begins_its_solution(monkeypatch: pytest.MonkeyPatch) -> None:
