@@ -19,7 +19,7 @@ from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
-from tripod_sim.integrators.substeps import Substeps
+from tripod_sim.integrators.substeps import Substeps, halving
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.materials.law import vector
 from tripod_sim.mesh.convert import convert
@@ -167,7 +167,6 @@ def block(
     groups, masses = Groups(len(nodes), fixed=np.array(held, dtype=np.int64)), beside(mesh, mass)
     terms = [gravity, inertia, *(ElementInertia(m, inertia) for m in masses)]
     system = System(nodes, [solid], groups, terms, damped=True)
-    stepper = ImplicitScheme(
-        scheme, ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0]), 8
-    )
+    stage = ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0])
+    stepper = halving(ImplicitScheme(scheme, stage), 8)
     return Block(mesh, solid, inert, masses, gravity, system.start_state(np.zeros(1)), stepper, dt)

@@ -16,7 +16,7 @@ from tripod_sim.constraints.groups import Groups
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.system import System
 
 NAME, MODULE = "tripod", "tripod_sim"
@@ -110,7 +110,7 @@ def _rest(element: str, cells: tuple[int, int, int], law: str = "neo_hooke") -> 
 
     def run() -> FloatArray:
         state = system.start_state(np.zeros(1))
-        QuasiStatic(Newton(system, TOLERANCE, 100), 8, 0.1, 0.03).step(state, state.joints.copy(), 0.0)
+        quasi_static_steps(Newton(system, TOLERANCE, 100), 8, 0.1, 0.03).step(state, state.joints.copy(), 0.0)
         return height((state.positions[tip, 2] - mesh.nodes[tip, 2]).mean())
 
     return Prepared(run, system.unknowns, 0.0)

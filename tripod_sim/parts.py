@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.integrators.report import StepReport
@@ -32,6 +32,13 @@ class Stepper(Protocol):
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+
+
+def integrator_of(stepper: Any) -> Any:
+    """Return what a stepper integrates with in the end: what wraps it, such as `Substeps`, has it as `integrator`."""
+    while inner := getattr(stepper, "integrator", None):
+        stepper = inner
+    return stepper
 
 
 T_co = TypeVar("T_co", covariant=True)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.parts import Parts
+from tripod_sim.parts import Parts, integrator_of
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import BALL, discs_of, joints_of
 from tripod_sim.state import State
@@ -718,8 +718,8 @@ class Simulation:
     @property
     def _world(self) -> "World":
         """The bodies in contact, of a scene that has it."""
-        stepper: Any = getattr(self._stepper, "awake", self._stepper)
-        return stepper.world
+        found: World = integrator_of(self._stepper).world
+        return found
 
     def energies(self) -> Energies:
         """Return the energies of the present state."""

@@ -102,7 +102,7 @@ class TwinState(Copied):
 
 @dataclass(eq=False)
 class WayState(Copied):
-    """What `integrators.way_steps` remembers. Points are what is shown, then the effector's nodes.
+    """What `integrators.path_error_control` remembers. Points are what is shown, then the effector's nodes.
 
     Attributes:
         origin: Where points began [m], shape (n, 3).

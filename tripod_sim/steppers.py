@@ -7,7 +7,7 @@ from tripod_sim.constraints.held import free_motion
 from tripod_sim.effect import Draft
 from tripod_sim.effects.time_error import by_way, carried
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.substeps import Substeps
+from tripod_sim.integrators.substeps import Substeps, halving
 from tripod_sim.parts import Stepper
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, servo_tables, soft_bodies
@@ -31,11 +31,11 @@ def stepper_of(draft: Draft, system: System) -> Stepper:
     scene, inertia, mass = draft.scene, draft.inertia, draft.inert
     newton = _newton(draft, system)
     if not scene.inertia:
-        from tripod_sim.integrators.quasi_static import QuasiStatic
+        from tripod_sim.integrators.quasi_static import quasi_static_steps
 
         watch = not any(body.springs for body in soft_bodies(scene))  # slack ones have no stiffness to watch
         solver = scene.solver
-        return QuasiStatic(newton, solver.max_halvings, solver.max_turn, reach_of(scene), watch=watch)
+        return quasi_static_steps(newton, solver.max_halvings, solver.max_turn, reach_of(scene), watch=watch)
     drag = scene.damping.mass if scene.damping else 0.0
     if not inertia:
         return _explicit_steps(draft, system, drag)
@@ -93,17 +93,18 @@ def implicit_steps(
     assert scene.inertia
     most, wanted = scene.solver.max_halvings, carried(scene)
     mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
-    scheme = ImplicitScheme("tr_bdf2" if mixed else scene.inertia.scheme, stage, most)
+    scheme = ImplicitScheme("tr_bdf2" if mixed else scene.inertia.scheme, stage)
     if by_way(scene):
         stage.newton.keep_several()
     if not wanted:
-        return scheme
+        return halving(scheme, most)
     from tripod_sim.integrators.time_error import ErrorTransport
 
     auto = wanted.steps == "auto"
     scheme.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries)
     if not auto:
-        return scheme
-    from tripod_sim.integrators.auto_steps import AutoSteps
+        return halving(scheme, most)
+    from tripod_sim.integrators.added_error_control import AddedErrorControl
 
-    return AutoSteps(scheme, stage.newton, most, wanted.tolerance, wanted.shortest, mixed=mixed)
+    control = AddedErrorControl(scheme, most, wanted.tolerance, wanted.shortest, mixed=mixed)
+    return Substeps(scheme, control)

@@ -7,7 +7,7 @@ from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.integrators import newton
-from tripod_sim.integrators.auto_steps import AutoSteps
+from tripod_sim.integrators.added_error_control import AddedErrorControl
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.run import run
@@ -38,8 +38,8 @@ def motion(simulation: Simulation, steps: int, dt: float = 0.01) -> np.ndarray:
 def lengths(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, bool]]:
     """A list that grows by every part tried: its length [s] and whether it was accepted."""
     stepper, tried = simulation._stepper, []
-    assert isinstance(stepper, AutoSteps)
-    plain, recall = stepper._scheme._part, stepper._scheme.recall_history
+    assert isinstance(stepper.control, AddedErrorControl)
+    plain, recall = stepper.integrator.advance, stepper.integrator.recall_history
 
     def part(state, joints, h):
         report = plain(state, joints, h)
@@ -50,8 +50,8 @@ def lengths(simulation: Simulation, monkeypatch: pytest.MonkeyPatch) -> list[tup
         tried[-1] = (tried[-1][0], False)
         recall()
 
-    monkeypatch.setattr(stepper._scheme, "_part", part)
-    monkeypatch.setattr(stepper._scheme, "recall_history", recalled)
+    monkeypatch.setattr(stepper.integrator, "advance", part)
+    monkeypatch.setattr(stepper.integrator, "recall_history", recalled)
     return tried
 
 
@@ -100,7 +100,7 @@ def test_parts_nest_and_rejected_ones_leave_no_trace(scheme: str, monkeypatch: p
         before, after = turned(0.01 * interval), turned(0.01 * (interval + 1))
         t += h
         assert isinstance(plain._stepper, Substeps)
-        plain._stepper._part(state, before + (after - before) * (t / 0.01 - interval), h)
+        plain._stepper.integrator.advance(state, before + (after - before) * (t / 0.01 - interval), h)
     np.testing.assert_allclose(state.positions, simulation.state.positions, rtol=0, atol=1e-9)
     assert state.errors and simulation.state.errors
     np.testing.assert_allclose(state.errors.error[0], simulation.state.errors.error[0], rtol=0, atol=1e-8)
@@ -132,14 +132,14 @@ def test_the_shorter_a_part_the_better_it_is_solved(monkeypatch: pytest.MonkeyPa
     """What a solve leaves is a velocity, too: over h."""
     simulation = tripod("implicit_euler", "dt=0.02", "dt=auto", "time_error.tolerance=1e-5")
     stepper, left = simulation._stepper, {}
-    assert isinstance(stepper, AutoSteps)
-    plain = stepper._scheme._part
+    assert isinstance(stepper.control, AddedErrorControl)
+    plain = stepper.integrator.advance
 
     def part(state, joints, h):
         left[round(0.02 / h)] = stepper.newton.near
         return plain(state, joints, h)
 
-    monkeypatch.setattr(stepper._scheme, "_part", part)
+    monkeypatch.setattr(stepper.integrator, "advance", part)
     simulation.step(turned(0.02))
     assert len(left) > 2
     for parts, near in left.items():
@@ -185,7 +185,7 @@ def test_a_part_that_cannot_be_solved_is_halved_and_at_last_named(monkeypatch: p
     def failing(*_: object) -> None:
         raise NewtonError("on purpose")
 
-    monkeypatch.setattr(simulation._stepper._scheme, "_part", failing)
+    monkeypatch.setattr(simulation._stepper.integrator, "advance", failing)
     with raises_naming(StepError, "step 1", "0 s", "substeps", 0.00012, "on purpose"):
         simulation.step(turned(0.01))
     assert simulation.state.positions.tobytes() == before

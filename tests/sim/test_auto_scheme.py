@@ -9,7 +9,7 @@ import pytest
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.integrators import newton
-from tripod_sim.integrators.auto_steps import AutoSteps
+from tripod_sim.integrators.added_error_control import AddedErrorControl
 from tripod_sim.scene_file import scene_to_toml
 
 NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8", "mesh.level=1")
@@ -111,9 +111,9 @@ def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
     monkeypatch.setattr(newton, "UNSOLVED", 0.0)
     simulation = tripod("dt=auto", "time_error.tolerance=5e-4", "solver.tolerance=1e-9")
     stepper, tried = simulation._stepper, []
-    assert isinstance(stepper, AutoSteps)
-    scheme = stepper._scheme
-    plain, recall = scheme._part, scheme.recall_history
+    assert isinstance(stepper.control, AddedErrorControl)
+    scheme = stepper.integrator
+    plain, recall = scheme.advance, scheme.recall_history
 
     def part(state, joints, h):
         euler = not scheme.looks_back
@@ -125,8 +125,8 @@ def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
         tried.pop()
         recall()
 
-    monkeypatch.setattr(scheme, "_part", part)
-    monkeypatch.setattr(scheme, "recall_history", recalled)
+    monkeypatch.setattr(stepper.integrator, "advance", part)
+    monkeypatch.setattr(stepper.integrator, "recall_history", recalled)
     rejected = 0
     for k in range(10):  # at rest all would end alike
         rejected += simulation.step(turned(0.01 * (k + 1))).rejected
@@ -137,8 +137,8 @@ def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
     again = tripod("inertia.scheme=tr_bdf2", "time_error={}", "solver.tolerance=1e-9")
     for h, euler, joints in tried:
         if euler:
-            again._stepper._drop_history()
-        again._stepper._part(again.state, joints, h)
+            again._stepper.integrator.drop_history()
+        again._stepper.integrator.advance(again.state, joints, h)
     np.testing.assert_allclose(again.positions, simulation.positions, rtol=0, atol=1e-8)
 
 

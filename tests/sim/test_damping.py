@@ -18,6 +18,7 @@ from tripod_sim.integrators.looking_back import stages
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.integrators.substeps import halving
 from tripod_sim.materials.laws import NAMES
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -268,7 +269,7 @@ def test_small_vibrations_are_damped_as_the_scheme_damps_an_oscillator(
         stepper = ExplicitSteps(system, mass, scheme, drag=0.0, divide=False)
     else:
         newton = Newton(system, 1e-11, 200)
-        stepper = ImplicitScheme(scheme, ImplicitStage(newton, inertia, mass, 0.0), 0)
+        stepper = halving(ImplicitScheme(scheme, ImplicitStage(newton, inertia, mass, 0.0)), 0)
     found = [1.0]
     for _ in range(steps):
         stepper.step(state, np.zeros(1), h)
@@ -319,7 +320,7 @@ def test_a_free_body_keeps_its_spin_as_without_damping(element: str, law: str, s
         system, inertia, mass, state = free_body(element, law, damped=damped)
         start = angular_momentum(mass, state)
         newton = Newton(system, 1e-9, 100)
-        stepper = ImplicitScheme(scheme, ImplicitStage(newton, inertia, mass, 0.0), 0)
+        stepper = halving(ImplicitScheme(scheme, ImplicitStage(newton, inertia, mass, 0.0)), 0)
         for _ in range(500):
             stepper.step(state, np.zeros(1), 0.002)
         left.append(100 * angular_momentum(mass, state) / start)
@@ -338,7 +339,9 @@ def test_the_energy_of_a_free_damped_body_rises_no_more_than_undamped(
     for damped in (False, True):
         system, inertia, mass, state = free_body(element, law, damped=damped)
         state.velocities += 0.3 * np.random.default_rng(3).standard_normal(state.velocities.shape)
-        stepper = ImplicitScheme(scheme, ImplicitStage(Newton(system, 1e-9, 100), inertia, mass, 0.0), 4)
+        stepper = halving(
+            ImplicitScheme(scheme, ImplicitStage(Newton(system, 1e-9, 100), inertia, mass, 0.0)), 4
+        )
         now = np.zeros(60)
         for k in range(len(now)):
             stepper.step(state, np.zeros(1), 5e-4)
@@ -375,7 +378,7 @@ def test_explicit_and_implicit_schemes_damp_a_large_swing_alike() -> None:
             stepper = ExplicitSteps(system, mass, scheme, drag=0.0, divide=True)
         else:
             stage = ImplicitStage(Newton(system, 1e-8, 100), inertia, mass, 0.0)
-            stepper = ImplicitScheme("tr_bdf2", stage, 4)
+            stepper = halving(ImplicitScheme("tr_bdf2", stage), 4)
         for _ in range(200):
             stepper.step(state, np.zeros(1), 2e-5)
         ends.append(state.positions - system.rest)

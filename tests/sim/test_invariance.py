@@ -18,9 +18,10 @@ from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.integrators.substeps import halving
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.system import System
 
@@ -55,9 +56,9 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
     system = System(nodes, [solid], groups, terms, damped=inertia is not None)
     newton = Newton(system, 1e-11, 200)
     stepper = (
-        ImplicitScheme(scheme, ImplicitStage(newton, inertia, inert, 0.5), 8)
+        halving(ImplicitScheme(scheme, ImplicitStage(newton, inertia, inert, 0.5)), 8)
         if inertia
-        else QuasiStatic(newton, 8, 0.1, 0.03)
+        else quasi_static_steps(newton, 8, 0.1, 0.03)
     )
     state = system.start_state(np.zeros(1))
     for _ in range(6 if inertia else 1):

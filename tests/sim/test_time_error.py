@@ -116,17 +116,17 @@ def test_a_failed_part_leaves_no_error_behind(monkeypatch: pytest.MonkeyPatch) -
 
     simulation, halved = (tripod("bdf2", dt, "time_error={}", *NEWTON) for dt in (0.004, 0.002))
     stepper = simulation._stepper
-    plain, calls = stepper._part, []
+    plain, calls = stepper.integrator.advance, []
 
     def failing(state, joints, h):
         calls.append(h)
         report = plain(state, joints, h)
         if len(calls) == 1:
-            stepper._drop_history()  # as at the start
+            stepper.integrator.drop_history()  # as at the start
             raise NewtonError("on purpose")
         return report
 
-    monkeypatch.setattr(stepper, "_part", failing)
+    monkeypatch.setattr(stepper.integrator, "advance", failing)
     report = simulation.step(turned(0.004))
     assert (report.halvings, report.parts) == (1, 2)
     for t in (0.002, 0.004):
@@ -188,6 +188,7 @@ def test_absent_it_is_not_imported_and_allocates_nothing() -> None:
         "import sys; from tripod_sim import Simulation, load_scene;"
         "s = Simulation(load_scene('tripod', ['mesh.level=1'])); s.step(); assert s.state.errors is None;"
         "assert s.report.time_error is None;"
-        "assert not {'tripod_sim.integrators.time_error', 'tripod_sim.integrators.auto_steps'} & set(sys.modules)"
+        "absent = {'tripod_sim.integrators.time_error', 'tripod_sim.integrators.added_error_control'};"
+        "assert not absent & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

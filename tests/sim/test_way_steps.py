@@ -1,4 +1,4 @@
-"""Steps that follow an asked accuracy where bodies touch (see `way_steps`)."""
+"""Steps that follow an asked accuracy where bodies touch (see `path_error_control`)."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
+from tripod_sim.integrators.path_error_control import PathErrorControl, after_hit
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.way_steps import WaySteps, after_hit
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.state import State
 
@@ -111,8 +111,8 @@ def test_the_plates_of_the_other_balls_are_ahead_and_behind_by_the_accuracy_s_pa
 ) -> None:
     simulation = made("maze", *ROLLING, "dt=auto", "time_error.accuracy=0.04")
     simulation.step(START + TURN / 6)
-    play, steps, known = simulation._ball, simulation._stepper, simulation.state.way
-    assert isinstance(play, MazeBall) and isinstance(steps, WaySteps) and known
+    play, steps, known = simulation._ball, simulation._stepper.control, simulation.state.way
+    assert isinstance(play, MazeBall) and isinstance(steps, PathErrorControl) and known
     seen, advance = list[tuple[np.ndarray, np.ndarray, np.ndarray]](), BallOnPlate.advance
 
     def noted(self: BallOnPlate, ball: BallState, motion: PlateMotion, time: float, dt: float) -> None:
@@ -167,8 +167,8 @@ def test_servos_that_start_cost_few_tries() -> None:
 
 def test_where_an_accuracy_is_asked_for_contact_forces_may_take_longer() -> None:
     words = ("dt=auto", "contact.max_solves=20")
-    assert made("bounce", *words, "time_error.accuracy=0.01")._stepper.awake.world.law.max_solves == 200
-    assert made("bounce", *words, "time_error.tolerance=1e-4")._stepper.awake.world.law.max_solves == 20
+    assert made("bounce", *words, "time_error.accuracy=0.01")._stepper.integrator.world.law.max_solves == 200
+    assert made("bounce", *words, "time_error.tolerance=1e-4")._stepper.integrator.world.law.max_solves == 20
 
 
 @pytest.mark.parametrize(
@@ -179,16 +179,18 @@ def test_contact_forces_are_found_as_exactly_as_an_accuracy_is_worth(
     accuracy: float, asked: float, found: float
 ) -> None:
     words = ("dt=auto", f"contact.tolerance={asked}")
-    law = made("bounce", *words, f"time_error.accuracy={accuracy}")._stepper.awake.world.law
+    law = made("bounce", *words, f"time_error.accuracy={accuracy}")._stepper.integrator.world.law
     assert law.tolerance == pytest.approx(found)
-    assert made("bounce", *words, "time_error.tolerance=1e-4")._stepper.awake.world.law.tolerance == asked
+    assert (
+        made("bounce", *words, "time_error.tolerance=1e-4")._stepper.integrator.world.law.tolerance == asked
+    )
 
 
 def test_a_part_goes_up_to_a_hit_that_adds_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that flies on a plate, which brakes it: how soon decides how far it comes."""
     simulation = made("bounce", "contact.restitution=0", "dt=0.02", "dt=auto", "time_error.accuracy=0.001")
     simulation.state.rigid.velocities[0, 0] = 2.0
-    parts, awake = list[tuple[float, float, float]](), simulation._stepper.awake
+    parts, awake = list[tuple[float, float, float]](), simulation._stepper.integrator
     step = awake.step
 
     def noted(state: State, joints: np.ndarray, h: float) -> StepReport:
@@ -311,7 +313,7 @@ def test_what_is_pressed_does_not_err_along_the_normal() -> None:
 def test_a_step_that_fails_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation = made("bounce", "dt=0.01", "dt=auto", "time_error.accuracy=0.05", "time_error.shortest=0.005")
     followed(simulation, 0.01, 5)
-    assert_failing_leaves_the_state(simulation, simulation._stepper.awake, monkeypatch)
+    assert_failing_leaves_the_state(simulation, simulation._stepper.integrator, monkeypatch)
 
 
 def test_fixed_steps_follow_no_accuracy() -> None:

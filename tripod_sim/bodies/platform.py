@@ -28,7 +28,8 @@ from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.prescribed import Motion, Prescribed
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.integrators.quasi_static import quasi_static_steps
+from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -190,9 +191,11 @@ class Bending:
             self._check_length(field, motion, system, found)
         return found
 
-    def _stepper(self, system: System) -> QuasiStatic:
+    def _stepper(self, system: System) -> Substeps:
         s = self._solver
-        return QuasiStatic(Newton(system, s.tolerance, s.max_iterations), s.max_halvings, s.max_turn, ARM)
+        return quasi_static_steps(
+            Newton(system, s.tolerance, s.max_iterations), s.max_halvings, s.max_turn, ARM
+        )
 
     def _let_go(self, system: System, held: State) -> State:
         """Return the state of rest of `system` near `held`, in which its platforms are held. Raises SceneError."""

@@ -21,6 +21,7 @@ from tripod_sim.contact.rest_rows import Points, Rest
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.world import World
+from tripod_sim.parts import integrator_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -49,7 +50,7 @@ def rest_of(
         state: At the end of the last step.
         rigid: The rigid bodies of the scene.
     """
-    stepper = getattr(stepper, "awake", stepper)  # of one that may sleep
+    stepper = integrator_of(stepper)
     if not isinstance(stepper, ContactStepper) or not isinstance(stepper.world.nodes, SolidNodes):
         return None, ()
     world, nodes = stepper.world, stepper.world.nodes.nodes

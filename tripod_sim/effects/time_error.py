@@ -46,7 +46,7 @@ def halves(scene: Described) -> bool:
 
 
 def by_way(scene: Described) -> bool:
-    """Return whether steps are chosen by what they err over their way (see `integrators.way_steps`)."""
+    """Return whether steps are chosen by what they err over their way (see `integrators.path_error_control`)."""
     wanted = scene.time_error
     return bool(
         wanted and scene.inertia and wanted.steps == "auto" and (wanted.accuracy > 0 or halves(scene))
@@ -148,14 +148,15 @@ def prepare(wanted: TimeError, scene: Described) -> Described:
 def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
     """Let steps be chosen by their way, or find their error by others of half the length."""
     if by_way(scene):
-        from tripod_sim.integrators.way_steps import WaySteps
+        from tripod_sim.integrators.path_error_control import PathErrorControl
+        from tripod_sim.integrators.substeps import Substeps
 
         contact = contact_of(scene)
         distance = contact.contact_distance if contact else 0.0
         solid = any(body.springs is None for body in soft_bodies(scene))
-        steps = WaySteps(parts, wanted, scene.inertia.scheme, distance, solid=solid)
-        note = promise_note(scene)
-        return replace(parts, stepper=steps, chosen=steps, notes=(*parts.notes, *([note] if note else [])))
+        control = PathErrorControl(parts, wanted, scene.inertia.scheme, distance, solid=solid)
+        note, steps = promise_note(scene), Substeps(control.integrator, control)
+        return replace(parts, stepper=steps, chosen=control, notes=(*parts.notes, *([note] if note else [])))
     if parts.errors:
         return parts
     from tripod_sim.integrators.doubling import Doubling
@@ -179,11 +180,11 @@ EFFECT = Effect(
     modules=(
         "integrators.time_error",
         "integrators.time_error_kernels",
-        "integrators.auto_steps",
+        "integrators.added_error_control",
         "integrators.doubling",
         "integrators.factor_store",
         "integrators.way_kernels",
-        "integrators.way_steps",
+        "integrators.path_error_control",
         "springs.automatic",
         "springs.automatic_kernels",
     ),

@@ -7,7 +7,7 @@ velocities jump, and x_h, x_h/2 the two positions, the exact one less x_h is [Ha
     (x_h/2 - x_h) / (1 - 2^-p).
 
 The twin goes along from the start on, so that this is the whole error; steps of a length that is chosen know what they
-add (`way_steps`).
+add (`path_error_control`).
 """
 
 from dataclasses import fields
@@ -30,12 +30,12 @@ class Doubling:
     """A time integrator whose error is estimated by a twin with steps of half the length.
 
     Attributes:
-        awake: The time integrator itself.
+        integrator: The stepper itself.
     """
 
     def __init__(self, parts: "Parts", twin: "Parts", order: int) -> None:
         """`twin`: of the same scene; `order`: p."""
-        self.awake, self._twin, self._share = parts.stepper, twin.stepper, 1.0 / (1.0 - 2.0**-order)
+        self.integrator, self._twin, self._share = parts.stepper, twin.stepper, 1.0 / (1.0 - 2.0**-order)
         self._rigid, self._nodes = (
             parts.rigid,
             len(parts.mesh.nodes) - (parts.rigid.count if parts.rigid else 0),
@@ -55,7 +55,7 @@ class Doubling:
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps."""
-        self.awake.forget()
+        self.integrator.forget()
         self._twin.forget()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
@@ -77,7 +77,7 @@ class Doubling:
         if not (errors.known and _same(state, errors.last)):
             state.copy_to(errors.twin)
             self._twin.forget()
-        report = self.awake.step(state, joints, dt)
+        report = self.integrator.step(state, joints, dt)
         middle = 0.5 * (errors.twin.joints + joints)
         self._twin.step(errors.twin, middle, 0.5 * dt)
         self._twin.step(errors.twin, joints, 0.5 * dt)

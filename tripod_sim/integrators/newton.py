@@ -50,6 +50,7 @@ class NewtonReport:
         halvings: Times these were rolled back and halved.
         linear_iterations: Of conjugate gradients, where they tell.
         unstable: In statics: whether it ended where the tangent is indefinite.
+        parts: One: the state was advanced by a whole substep.
     """
 
     iterations: int = 0
@@ -59,6 +60,7 @@ class NewtonReport:
     halvings: int = 0
     linear_iterations: int = 0
     unstable: bool = False
+    parts: int = 1
 
 
 class Newton:

@@ -5,49 +5,35 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton, NewtonReport
-from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.step_control import HalveOnFailure
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same
 
 
-class QuasiStatic(Substeps):
+class QuasiStatic:
     """Moves a state from equilibrium to equilibrium, and tells where one is unstable."""
 
-    def __init__(
-        self, newton: Newton, max_halvings: int, max_turn: float, reach: float, *, watch: bool = False
-    ) -> None:
-        """Prepare.
-
-        Args:
-            newton: Finds equilibria.
-            max_halvings: The smallest part of a step is 2^-max_halvings of the largest.
-            max_turn: Largest servo move of an increment [rad].
-            reach: Of an arm [m], sets the same for the slide.
-            watch: Whether unstable equilibria are told.
-        """
-        super().__init__(newton, max_halvings)
-        self._watch = watch
-        self._max_turn, self._reach = max_turn, reach
+    def __init__(self, newton: Newton, *, watch: bool = False) -> None:
+        """`newton`: finds equilibria; `watch`: whether unstable ones are reported."""
+        self.newton, self._watch = newton, watch
         self._loads_help = True
         self._load = LoadSteps(newton.system, newton.tolerance)
         self._unstable: bool | None = None  # the equilibrium where the last part ended; None: there is none
 
-    def _largest_part(self, move: FloatArray) -> float:
-        s = len(self.newton.system.groups.driven)
-        turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self._reach)
-        return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+        self.newton.forget()
 
-    def _smallest_part(self, move: FloatArray) -> float:
-        """As `Substeps._smallest_part`; where nothing moves, all parts are the same."""
-        return super()._smallest_part(move) if move.any() else self._largest_part(move)
+    def drop_history(self) -> None:
+        """There is none."""
 
-    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """As `Substeps.step`."""
+    def begin(self) -> None:
+        """Begin a step: increments of the load may help again."""
         self._loads_help = True
-        return super().step(state, joints, dt)
 
-    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+    def advance(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        """Bring `state` to equilibrium with the driven frames at `joints`, in place, or raise NewtonError."""
         if report := self._unchanged(state, joints):
             return report
         self._unstable = None
@@ -77,3 +63,43 @@ class QuasiStatic(Substeps):
         system.assemble(state, project=False)
         system.evaluate(state)
         return system.factor()
+
+
+class IncrementControl(HalveOnFailure):
+    """Divides a step so that no servo moves far within one increment; one that fails is halved."""
+
+    def __init__(self, solver: QuasiStatic, max_halvings: int, max_turn: float, reach: float) -> None:
+        """Prepare.
+
+        Args:
+            solver: Finds the equilibria.
+            max_halvings: The smallest increment is 2^-max_halvings of the largest.
+            max_turn: Largest servo move of an increment [rad].
+            reach: Of an arm [m], sets the same for the slide.
+        """
+        super().__init__(max_halvings, solver.newton.max_iterations)
+        self._solver, self._max_turn, self._reach = solver, max_turn, reach
+        self._servos = len(solver.newton.system.groups.driven)
+
+    def begin(self, state: State, move: FloatArray, dt: float) -> None:
+        """Begin with the largest increment."""
+        self._solver.begin()
+        super().begin(state, move, dt)
+
+    def largest(self, move: FloatArray) -> float:
+        """Return the share of a step in which no servo moves farther than it may."""
+        s = self._servos
+        turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self._reach)
+        return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
+
+    def smallest(self, move: FloatArray) -> float:
+        """As `HalveOnFailure.smallest`; where nothing moves, all increments are the same."""
+        return super().smallest(move) if move.any() else self.largest(move)
+
+
+def quasi_static_steps(
+    newton: Newton, max_halvings: int, max_turn: float, reach: float, *, watch: bool = False
+) -> Substeps:
+    """Return what makes static steps; arguments as of `QuasiStatic` and `IncrementControl`."""
+    solver = QuasiStatic(newton, watch=watch)
+    return Substeps(solver, IncrementControl(solver, max_halvings, max_turn, reach))

@@ -8,6 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import ContactReport
+    from tripod_sim.integrators.newton import NewtonReport
     from tripod_sim.integrators.time_error import TimeErrorReport
     from tripod_sim.robot.servo import Stall
 
@@ -34,6 +35,9 @@ WORK = (
     "iterations", "factorisations", "parts", "increments", "halvings", "rejected", "linear_iterations",
 )  # fmt: skip
 """What adds up of the reports of steps."""
+
+SUMMED = ("iterations", "factorisations", "increments", "halvings", "linear_iterations")
+"""What adds up of the substeps of one step, besides their number."""
 
 
 @dataclass
@@ -77,6 +81,22 @@ class StepReport:
     rejected: int = 0
     asleep: bool = False
     unstable: bool = False
+
+    def add(self, part: "StepReport | NewtonReport") -> None:
+        """Add what one more substep took; what is no work is that of the last."""
+        for name in SUMMED:
+            setattr(self, name, getattr(self, name) + getattr(part, name))
+        self.parts += 1
+        self.residual, self.unstable = part.residual, part.unstable
+        if not isinstance(part, StepReport):
+            return
+        self.dt_limit, self.growth, self.grew_at = part.dt_limit, part.growth, part.grew_at
+        contact, before = part.contact, self.contact
+        if contact and before:
+            contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)
+            contact.cut = max(contact.cut, before.cut)
+            contact.lowered = max(contact.lowered, before.lowered)
+        self.contact = contact
 
     def after(self, before: "StepReport") -> "StepReport":
         """Return this report, which a stepper may keep, with the work of the steps before."""

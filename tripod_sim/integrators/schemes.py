@@ -1,31 +1,36 @@
 """The implicit schemes: their steps are stages, each of which looks back on one at most (see `looking_back`)."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.looking_back import Memory, Stage, implicit_euler, stages
 from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.integrators.stage import ImplicitStage
-from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.integrators.time_error import ErrorTransport
 
-class ImplicitScheme(Substeps):
+
+class ImplicitScheme:
     """Implicit Euler, BDF2 or TR-BDF2.
 
     The first step of a scheme that looks back, and the first after `forget`, is one of implicit Euler. That gives the
     acceleration: to take it from the forces at the start would throw a crumpled body apart.
     """
 
-    def __init__(self, name: str, stage: ImplicitStage, max_halvings: int) -> None:
+    def __init__(self, name: str, stage: ImplicitStage) -> None:
         """Prepare.
 
         Args:
             name: Of the scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`.
             stage: Solves its stages.
-            max_halvings: The smallest part of a step is 2^-max_halvings of it.
         """
-        super().__init__(stage.newton, max_halvings)
+        self.newton = stage.newton
+        self.errors: ErrorTransport | None = None
+        self._bound, self._used_history = stage.newton.bound, False
         self._name, self._stage = name, stage
         self._remembers = name in ("bdf2", "tr_bdf2")
         self._memory = Memory(stage.known.shape)
@@ -40,7 +45,8 @@ class ImplicitScheme(Substeps):
         """Whether the next part depends on that before it."""
         return self._before > 0.0
 
-    def _drop_history(self) -> None:
+    def drop_history(self) -> None:
+        """Use nothing of earlier steps in the next."""
         self._before = 0.0
 
     def keep_history(self) -> None:
@@ -62,7 +68,30 @@ class ImplicitScheme(Substeps):
     def _stages(self, h: float) -> tuple[Stage, ...]:
         return stages(self._name, h, self._before) if self._before else (implicit_euler(h),)
 
-    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+        self.newton.forget()
+        self.drop_history()
+
+    def restarts(self) -> bool:
+        """Return whether the last substep must be made again without history.
+
+        Where the bound of strains pulls, velocities jump: implicit Euler alone makes such a substep.
+        """
+        if not (self._bound and self._bound.pulled):
+            return False
+        self.drop_history()
+        return self._used_history
+
+    def restarted(self) -> None:
+        """Take notice that the last substep was made again."""
+        if self._bound and self._bound.pulls:
+            self.drop_history()
+
+    def advance(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        """Advance `state` by `h` [s] while the driven frames move to `joints`, in place, or raise NewtonError."""
+        if self._bound:
+            self._used_history, self._bound.pulled = self.looks_back, False
         stage, memory, draft, seen = self._stage, self._memory, self._draft, self._seen
         total = NewtonReport()
         stage.read(state, seen[0])

@@ -69,7 +69,7 @@ class Sleeping:
 
     Attributes:
         asleep: Whether it does.
-        awake: The time integrator of bodies that are not at rest.
+        integrator: The stepper of bodies that are not at rest.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Sleeping:
             rigid: The rigid bodies.
         """
         self.asleep = False
-        self.awake, self._stepper = getattr(stepper, "awake", stepper), stepper
+        self.integrator = stepper
         self._system, self._soft, self._rigid = system, mass, rigid
         self._speed, self._time = speed, time
         masses = ([mass] if len(mass) else []) + ([*rigid.point_mass] if rigid else [])
@@ -111,20 +111,20 @@ class Sleeping:
     def forget(self) -> None:
         """Drop what was kept from earlier steps, and wake up."""
         self._wake()
-        self._stepper.forget()
+        self.integrator.forget()
 
     def prepare(self, state: State, dt: float) -> None:
         """Wake up and make the first step from `state` as fast as the others, where the time integrator can."""
         self._wake()
-        prepare = getattr(self._stepper, "prepare", None)
+        prepare = getattr(self.integrator, "prepare", None)
         if prepare:
             prepare(state, dt)
         else:
-            self._stepper.forget()
+            self.integrator.forget()
 
     def renew(self, state: State, dt: float) -> None:
         """Do now what the next step would begin with, if it is to be solved for."""
-        if not self.asleep and (renew := getattr(self._stepper, "renew", None)):
+        if not self.asleep and (renew := getattr(self.integrator, "renew", None)):
             renew(state, dt)
 
     def _wake(self) -> None:
@@ -140,7 +140,7 @@ class Sleeping:
                 state.step += 1
                 return self._report
             self._wake()
-        report = self._stepper.step(state, joints, dt)
+        report = self.integrator.step(state, joints, dt)
         self._look(state, dt)
         if self.asleep:
             for velocities in self._velocities(state):

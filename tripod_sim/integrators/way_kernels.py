@@ -1,4 +1,4 @@
-"""What a part of a step errs, point by point (see `way_steps`), compiled."""
+"""What a part of a step errs, point by point (see `path_error_control`), compiled."""
 
 import numpy as np
 from numba import njit

@@ -31,7 +31,7 @@ from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import StepError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import NewtonError
-from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.mesh.described import element_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -98,7 +98,9 @@ class MeshError:
         system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
         self._rotations = Rotations(mesh, system)
         self._newton = ChordNewton(system, solver.tolerance, solver.max_iterations)
-        self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
+        self._careful = quasi_static_steps(
+            self._newton, solver.max_halvings, solver.max_turn, reach_of(scene)
+        )
         self._moves = bool(scene.inertia)
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)

@@ -1,7 +1,7 @@
 """What acts from outside on a body whose error a richer mesh tells: forces, and obstacles that hold it."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -18,7 +18,7 @@ from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh_error.support import Support
-from tripod_sim.parts import Parts
+from tripod_sim.parts import Parts, integrator_of
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
@@ -106,10 +106,7 @@ class Outside:
         self._world: World | None = None
         self.changes = 0
         if scene.obstacles:
-            stepper: Any = simulated.stepper
-            while hasattr(stepper, "awake"):
-                stepper = stepper.awake
-            self._world = stepper.world
+            self._world = integrator_of(simulated.stepper).world
             self._surface = np.unique(mesh.surface)
             volume = float(node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum())
             stiffness = STIFF * initial_young(body.material) * volume ** (1 / 3)

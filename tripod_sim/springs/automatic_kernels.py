@@ -25,7 +25,7 @@ VERLET, RK4 = 2, 4
 """The schemes by their order."""
 
 SAFETY, SHRINK, GROW, LEAST = 0.9, 0.1, 4.0, 1e-4
-"""Of the controller, as in `integrators.auto_steps`, but without its second term: lengths need not recur here."""
+"""Of the controller, as in `added_error_control`, but without its second term: lengths need not recur here."""
 
 SPARE = 0.1
 """Part of the tolerance that Verlet may add: its estimate is the error itself, that of RK4 far above it."""

@@ -40,17 +40,17 @@ taken to add as one does. The floor is A times the contact distance or FINE time
 tolerance where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
 """
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.effects.inertia import ORDER
 from tripod_sim.effects.time_error import TimeError
-from tripod_sim.errors import StepError
-from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.step_control import StepControl, Substep, Work
+from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.integrators.time_error import TR_BDF2, TimeErrorReport
 from tripod_sim.integrators.way_kernels import (
     drop_normal,
@@ -62,7 +62,7 @@ from tripod_sim.integrators.way_kernels import (
 from tripod_sim.state import State, WayState
 
 if TYPE_CHECKING:
-    from tripod_sim.contact.world import World
+    from tripod_sim.contact.world import ContactReport, World
     from tripod_sim.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
@@ -95,12 +95,14 @@ BEFORE = 0.98
 """Of the way to a hit: what a part goes that is to end before it."""
 
 
-class WaySteps:
-    """Divides the steps of a time integrator, the ball's among them.
+class PathErrorControl(StepControl):
+    """Keeps errors below a share of the path: of whatever advances the bodies, and of the ball with them.
 
     Attributes:
-        awake: The time integrator.
+        integrator: Advances over a substep.
     """
+
+    rejects = True
 
     def __init__(
         self,
@@ -111,7 +113,7 @@ class WaySteps:
         *,
         solid: bool = False,
     ) -> None:
-        """Divide the steps of `parts.stepper`.
+        """Control the substeps of what `parts.stepper` integrates with.
 
         Args:
             parts: Of the simulation.
@@ -121,7 +123,9 @@ class WaySteps:
             solid: Whether a body is a solid.
         """
         self._order, self._fast = ORDER[scheme], FAST if scheme == "tr_bdf2" else 1.0
-        self.awake, self._ball, self._wanted = parts.stepper, parts.ball, wanted
+        inner = parts.stepper
+        self.integrator: Any = inner.integrator if isinstance(inner, Substeps) else inner
+        self._ball, self._wanted = parts.ball, wanted
         groups, rigid = parts.system.groups, parts.rigid
         corners = [s.vertices for s in rigid.shapes] if rigid else []
         self._corners = np.concatenate([np.zeros((0, 3)), *corners])
@@ -138,12 +142,10 @@ class WaySteps:
         self._sums = np.zeros((count, 4))
         self._errors, self._a_end = np.zeros((2, count, 3)), np.zeros((count, 3))
         self._first = self._soft + np.searchsorted(self._body, np.arange(len(corners) + 1))
-        self._world: World | None = getattr(self.awake, "world", None)
+        self._world: World | None = getattr(self.integrator, "world", None)
         if self._world:
             self._row, self._owner = self._world.owners()
-        self._remember = getattr(self.awake, "keep_history", lambda: None)
-        self._recall = getattr(self.awake, "recall_history", self.awake.forget)
-        newton = getattr(self.awake, "newton", None)
+        newton = getattr(self.integrator, "newton", None)
         self._newton = newton if isinstance(newton, Newton) and wanted.accuracy else None
         if self._newton:
             self._newton.keep_several()
@@ -154,8 +156,6 @@ class WaySteps:
         self._shifted = self._maze.shifted() if self._maze else None
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
-        self._origin: State | None = None
-        self._keep: State | None = None
 
     def start(self, state: State) -> WayState:
         """Return what is remembered at the start, `state`; the kernels compile here."""
@@ -163,7 +163,7 @@ class WaySteps:
         x, v = self._before.copy()
         twist = np.zeros((2 if self._maze else 0, 3))
         known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), twist)
-        self._measure(known, 1.0, 1.0, StepReport())
+        self._measure(known, 1.0, 1.0, None)
         self._ratio(known)
         if self._maze and state.ball:
             known.ahead, known.behind = state.ball.copy(), state.ball.copy()
@@ -175,98 +175,85 @@ class WaySteps:
             for ball in state.way.balls:
                 state.ball.copy_to(ball)
 
-    def forget(self) -> None:
-        """Drop what was kept from earlier steps."""
-        self.awake.forget()
-
-    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Advance by `dt` [s], in place. Raises StepError and leaves `state`."""
+    def begin(self, state: State, move: FloatArray, dt: float) -> None:
+        """Begin with the length proposed at the end of the last step."""
         known = state.way
         assert known
-        if self._origin is None or self._keep is None or (self._origin.ball is None) != (state.ball is None):
-            self._origin, self._keep = state.copy(), state.copy()  # the ball comes after the first trial
-        state.copy_to(self._keep)
-        try:
-            return self._divided(state, known, joints, dt)
-        except StepError:
-            self._keep.copy_to(state)
-            self.forget()
-            raise
-
-    def _divided(self, state: State, known: WayState, joints: FloatArray, dt: float) -> StepReport:
-        """Take the step in parts as long as the errors allow."""
-        begin, start, total, origin = state.joints.copy(), (state.time, state.step), StepReport(), self._keep
-        length, done, worst, again, shortest = known.proposed or dt, 0.0, 0.0, False, self._wanted.shortest
-        assert origin
+        self._dt, self._done, self._worst = dt, 0.0, 0.0
+        self._length, self._h, self._flight, self._again = known.proposed or dt, 2 * dt, 0.0, False
         self._read(state, self._before)
-        h, flight = 2 * dt, 0.0
-        while done < dt:
-            if flight:
-                h, pieces = flight, 2.0
-            else:
-                if not h <= length < KEEP * h:
-                    h = length
-                pieces = max(1.0, np.ceil((dt - done) / h - 1e-9))
-                h = (dt - done) / pieces
-            self._remember()
-            try:
-                report = self._part(state, begin + min(1.0, (done + h) / dt) * (joints - begin), h)
-                self._read(state, self._after)
-                self._measure(known, h, state.time, report)
-                ratio, given = self._ratio(known)
-                again_from = self._recall if report.parts == 1 else self.awake.forget
-            except StepError:
-                if h <= shortest:
-                    raise
-                ratio, given, again_from = np.inf, 0.0, self.awake.forget
-            change = SAFETY * ratio ** (-1.0 / POWER) if ratio > 0 else GROW
-            if not ratio <= 1.0 and h > shortest * (1 + 1e-9):
-                origin.copy_to(state)
-                again_from()
-                total.rejected += 1
-                hit = report.contact.meets if np.isfinite(ratio) and report.contact else np.inf
-                change = after_hit(ratio, given) if again or np.isfinite(hit) else max(change, SHRINK)
-                length = max(h * (change if np.isfinite(ratio) else 0.5), shortest)
-                flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
-                again = True
-                continue
-            total = _joined(report, total)
-            self._note(known, h)
-            if not flight:
-                length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), shortest), dt)
-            again = bool(flight)
-            done, flight, worst = dt if pieces == 1 else done + h, 0.0, max(worst, float(self._added.max()))
-            if done < dt:
-                origin = self._saved(state)
-        known.proposed = length
-        state.time, state.step = start[0] + dt, start[1] + 1
-        apart, ball = np.nan, state.ball
-        if ball and known.balls:
-            apart = max(float(np.linalg.norm(other.position - ball.position)) for other in known.balls)
-        total.time_error = self._report(known, worst, apart)
-        return total
 
-    def _saved(self, state: State) -> State:
-        """Return a copy of `state`, which the next overwrites."""
-        assert self._origin
-        state.copy_to(self._origin)
-        return self._origin
+    def propose(self) -> Substep | None:
+        """Return the next substep: one up to a hit, or the next of equal ones to the end of the step."""
+        dt, done = self._dt, self._done
+        if done >= dt:
+            return None
+        if self._flight:
+            self._h, self._pieces = self._flight, 2.0
+        else:
+            if not self._h <= self._length < KEEP * self._h:
+                self._h = self._length
+            self._pieces = max(1.0, np.ceil((dt - done) / self._h - 1e-9))
+            self._h = (dt - done) / self._pieces
+        end = 1.0 if self._pieces == 1 else min(1.0, (done + self._h) / dt)
+        return Substep(end, self._h, self._h / dt)
 
-    def _part(self, state: State, joints: FloatArray, h: float) -> StepReport:
-        """Advance over one part, with the ball."""
+    def prepare(self, state: State) -> None:
+        """Let the ball weigh on the plate, and say how exactly to solve."""
         if self._ball and state.ball:
             self._ball.load(state, state.ball)
         if self._newton and state.way:
-            self._newton.allow(self._accuracy * float(state.way.furthest.max()) + self._floor, h)
-        report = self.awake.step(state, joints, h)
+            self._newton.allow(self._accuracy * float(state.way.furthest.max()) + self._floor, self._h)
+
+    def shorten(self, spent: int) -> bool:
+        """Halve the substep, unless it is the shortest."""
+        if self._h <= self._wanted.shortest:
+            return False
+        self._length, self._flight, self._again = max(0.5 * self._h, self._wanted.shortest), 0.0, True
+        return True
+
+    def accepts(self, state: State, work: Work) -> bool:
+        """Let the ball follow; accept a substep that added little enough, or is the shortest."""
+        known, h, shortest = state.way, self._h, self._wanted.shortest
+        assert known and isinstance(work, StepReport | NewtonReport)
         if self._ball and state.ball:
             self._ball.follow(state, state.ball, h)
-            if self._shifted and state.way:
-                self._follow(state.way, state.time, h)
-        return report
+            if self._shifted:
+                self._follow(known, state.time, h)
+        contact = getattr(work, "contact", None)
+        self._read(state, self._after)
+        self._measure(known, h, state.time, contact)
+        ratio, given = self._ratio(known)
+        change = SAFETY * ratio ** (-1.0 / POWER) if ratio > 0 else GROW
+        if not ratio <= 1.0 and h > shortest * (1 + 1e-9):
+            hit = contact.meets if np.isfinite(ratio) and contact else np.inf
+            change = after_hit(ratio, given) if self._again or np.isfinite(hit) else max(change, SHRINK)
+            length = max(h * (change if np.isfinite(ratio) else 0.5), shortest)
+            self._flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
+            self._length, self._again = length, True
+            return False
+        self._note(known, h)
+        if not self._flight:
+            self._length = min(
+                max(h * min(max(change, SHRINK), 1.0 if self._again else GROW), shortest), self._dt
+            )
+        self._again = bool(self._flight)
+        self._done, self._flight = self._dt if self._pieces == 1 else self._done + h, 0.0
+        self._worst = max(self._worst, float(self._added.max()))
+        return True
+
+    def finish(self, state: State, report: StepReport) -> None:
+        """Propose the length of the next substep, and report the error."""
+        known = state.way
+        assert known
+        known.proposed = self._length
+        apart, ball = np.nan, state.ball
+        if ball and known.balls:
+            apart = max(float(np.linalg.norm(other.position - ball.position)) for other in known.balls)
+        report.time_error = self._report(known, self._worst, apart)
 
     def _follow(self, known: WayState, time: float, h: float) -> None:
-        """Let the other balls follow a part of `h` that ended at `time` [s]."""
+        """Let the other balls follow a substep of `h` that ended at `time` [s]."""
         assert self._shifted
         shift = self._wanted.accuracy * float(known.furthest[-1]) / max(known.fastest, 1e-12)
         for ball, ahead in zip(known.balls, (shift, -shift), strict=False):
@@ -318,11 +305,9 @@ class WaySteps:
                 out[1],
             )
 
-    def _measure(self, known: WayState, h: float, time: float, report: StepReport) -> None:
+    def _measure(self, known: WayState, h: float, time: float, contact: "ContactReport | None") -> None:
         """Write what a part of `h` [s], which ended `time` [s] after the start, added, and the ways that it made."""
-        begins = (
-            not known.length or (report.contact is not None and report.contact.restarted) or self._order == 1
-        )
+        begins = not known.length or (contact is not None and contact.restarted) or self._order == 1
         write_errors(
             h, 0.0 if begins else h / known.length, self._before, self._after, known.velocities, known.accelerations,
             self._free, self._a_end, self._errors,
@@ -364,15 +349,3 @@ def after_hit(ratio: float, given: float) -> float:
     What the hit adds is as that length, and so is the share g of what it may that its way gives: x r = g x + 1 - g.
     """
     return float(min(SAFETY * (1 - given) / max(ratio - SAFETY * given, 1e-9), 0.5))
-
-
-def _joined(report: StepReport, earlier: StepReport) -> StepReport:
-    """Return the report of a part as that of all parts until its end, with that of the `earlier` ones."""
-    if not earlier.parts:
-        return replace(report, parts=1, rejected=earlier.rejected)
-    contact, before = report.contact, earlier.contact
-    if contact and before:
-        contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)
-        contact.cut = max(contact.cut, before.cut)
-        contact.lowered = max(contact.lowered, before.lowered)
-    return replace(report.after(earlier), parts=earlier.parts + 1, rejected=earlier.rejected)
