@@ -58,7 +58,7 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=200, help="steps of each scene")
     parser.add_argument("--turns", type=int, default=3, help="runs in each checkout")
     parser.add_argument("--limit", type=float, default=1.1, help="largest ratio")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     from tripod_sim.scene_file import scene_names  # noqa: PLC0415 - after the arguments
 
     changes = [word for word in options.words if "=" in word]
