@@ -143,7 +143,7 @@ def test_a_body_that_somebody_moves_begins_without_error() -> None:
 
 def test_a_step_that_fails_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation = moved(made("bounce", "dt=0.01", "time_error={steps='fixed'}"), 0.1)
-    assert_failing_leaves_the_state(simulation, simulation._stepper._twin, monkeypatch)
+    assert_failing_leaves_the_state(simulation, simulation._stepper.integrator._twin, monkeypatch)
 
 
 def test_a_sleeper_goes_on_knowing_what_touches() -> None:

@@ -106,4 +106,4 @@ def test_the_report_adds_work_and_keeps_the_last_residual() -> None:
     report = StepReport()
     report.add(NewtonReport(iterations=3, residual=1.0))
     report.add(StepReport(iterations=4, residual=2.0, dt_limit=0.5, parts=9))
-    assert (report.iterations, report.residual, report.dt_limit, report.parts) == (7, 2.0, 0.5, 2)
+    assert (report.iterations, report.residual, report.dt_limit, report.parts) == (7, 2.0, 0.5, 10)

@@ -147,9 +147,11 @@ def prepare(wanted: TimeError, scene: Described) -> Described:
 
 def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
     """Let steps be chosen by their way, or find their error by others of half the length."""
+    from tripod_sim.integrators.step_control import HalveOnFailure
+    from tripod_sim.integrators.substeps import Substeps
+
     if by_way(scene):
         from tripod_sim.integrators.path_error_control import PathErrorControl
-        from tripod_sim.integrators.substeps import Substeps
 
         contact = contact_of(scene)
         distance = contact.contact_distance if contact else 0.0
@@ -164,7 +166,7 @@ def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[D
     twin = build(replace(scene, dt=0.5 * scene.dt, time_error=None))
     order = 1 if contact_of(scene) or scene.strain_limit else ORDER[scene.inertia.scheme]
     doubling = Doubling(parts, twin, order)
-    return replace(parts, stepper=doubling, doubling=doubling)
+    return replace(parts, stepper=Substeps(doubling, HalveOnFailure(0)), doubling=doubling)
 
 
 TIME_ERROR = "time error"

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.errors import StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
@@ -47,7 +46,6 @@ class Doubling:
         for stepper in steppers:
             if hasattr(stepper, "finer"):  # an explicit scheme divides half a step as finely as a whole one
                 stepper.finer = 2
-        self._keep: State | None = None
 
     def start(self, state: State) -> TwinState:
         """Return what is remembered at the start."""
@@ -59,21 +57,9 @@ class Doubling:
         self._twin.forget()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Advance by `dt` [s], in place. Raises StepError and leaves `state`."""
-        remembered = state.twin
-        assert remembered
-        if self._keep is None:
-            self._keep = state.copy()
-        state.copy_to(self._keep)
-        try:
-            return self._advance(state, remembered, joints, dt)
-        except StepError:
-            self._keep.copy_to(state)
-            self.forget()
-            raise
-
-    def _advance(self, state: State, errors: TwinState, joints: FloatArray, dt: float) -> StepReport:
-        """Take the step, and the twin's."""
+        """Advance by `dt` [s], and the twin in two steps, in place. Raises StepError; `state` is then in between."""
+        errors = state.twin
+        assert errors
         if not (errors.known and _same(state, errors.last)):
             state.copy_to(errors.twin)
             self._twin.forget()

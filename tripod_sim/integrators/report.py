@@ -36,8 +36,8 @@ WORK = (
 )  # fmt: skip
 """What adds up of the reports of steps."""
 
-SUMMED = ("iterations", "factorisations", "increments", "halvings", "linear_iterations")
-"""What adds up of the substeps of one step, besides their number."""
+SUMMED = tuple(name for name in WORK if name != "rejected")
+"""What adds up of the substeps of one step, those that were accepted."""
 
 
 @dataclass
@@ -86,11 +86,11 @@ class StepReport:
         """Add what one more substep took; what is no work is that of the last."""
         for name in SUMMED:
             setattr(self, name, getattr(self, name) + getattr(part, name))
-        self.parts += 1
         self.residual, self.unstable = part.residual, part.unstable
         if not isinstance(part, StepReport):
             return
         self.dt_limit, self.growth, self.grew_at = part.dt_limit, part.growth, part.grew_at
+        self.time_error = part.time_error
         contact, before = part.contact, self.contact
         if contact and before:
             contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)

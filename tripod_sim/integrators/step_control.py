@@ -79,7 +79,7 @@ class StepControl(ABC):
 class HalveOnFailure(StepControl):
     """Substeps are as long as they may be at first; one that fails is halved, and the next ones grow again."""
 
-    def __init__(self, max_halvings: int, max_iterations: int) -> None:
+    def __init__(self, max_halvings: int, max_iterations: int = 1) -> None:
         """`max_halvings`: the smallest substep is 2^-max_halvings of the largest; `max_iterations`: of one solve."""
         self._max_halvings, self._most_failed = max_halvings, MOST_FAILED * max_iterations
 
