@@ -121,7 +121,7 @@ def test_parts_that_fail_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyP
     words += [f"inertia.scheme={scheme}"]
     hasty, patient = (Simulation(load_scene(SHARP, words)) for _ in range(2))
     stepper, solved, failed = hasty._stepper, list[tuple[np.ndarray, float]](), list[float]()
-    part = stepper._part
+    part = stepper.integrator.advance
 
     def watched(state: State, joints: np.ndarray, h: float) -> NewtonReport:
         before = state.positions.copy()
@@ -133,13 +133,13 @@ def test_parts_that_fail_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyP
         solved.append((joints.copy(), h))
         return report
 
-    monkeypatch.setattr(stepper, "_part", watched)
+    monkeypatch.setattr(stepper.integrator, "advance", watched)
     stepper.newton.max_iterations = 10
     report = hasty.step(np.array([-0.4, 0.0, 0.0, 0.0]))
     assert (report.halvings, report.parts) == (len(failed), len(solved))
     assert len(failed) > 3 and max(failed) > 1e-4  # [m]: what a failed part has moved
     for joints, h in solved:
-        patient._stepper._part(patient.state, joints, h)
+        patient._stepper.integrator.advance(patient.state, joints, h)
     np.testing.assert_allclose(hasty.state.positions, patient.state.positions, rtol=0, atol=1e-8)
     np.testing.assert_allclose(hasty.state.velocities, patient.state.velocities, rtol=0, atol=1e-5)
 
