@@ -46,6 +46,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     page.meta["search"] = {
         "boost": next((w for start, w in WEIGHTS.items() if page.file.src_uri.startswith(start)), 1.0)
     }
+    if (Path(config.docs_dir) / page.file.src_uri).is_file():
+        markdown = copies.relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
     if page.file.src_uri == COMMANDS:
         markdown = f"{markdown}\n{command_line.command_sections()}"
     if page.file.src_uri == citations.LIST:

@@ -166,28 +166,27 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     missing = []
     for name, value in result["residuals"].items():
         what, _, unit = name.partition(" ")
-        shown = f"{1e3 * value:.4f} mm" if unit == "[m]" else f"{math.degrees(value):.4f} degrees"
+        shown = f"{1e3 * value:.3f} mm" if unit == "[m]" else f"{math.degrees(value):.3f} degrees"
         missing.append(f"{what} {shown}")
     outcome = result["outcome"] + (f": {result['reason']}" if result["reason"] else "")
     angles, error = result["angles"], result.get("mesh_error")
     return [
         ("outcome", outcome),
-        ("angles", ", ".join(f"{a:.5f}" for a in angles) + " rad"),
+        ("angles", ", ".join(f"{a:.4f}" for a in angles) + " rad"),
         ("", ", ".join(f"{math.degrees(a):.2f}" for a in angles) + " degrees"),
-        ("effector", f"{x:.3f}, {y:.3f}, {z:.3f} mm"),
-        ("roll, pitch", f"{math.degrees(result['roll']):.2f}, {math.degrees(result['pitch']):.2f} degrees"),
+        ("effector", ", ".join(f"{v:z.3f}" for v in (x, y, z)) + " mm"),
+        ("roll, pitch", f"{math.degrees(result['roll']):z.2f}, {math.degrees(result['pitch']):z.2f} degrees"),
         ("residual", ", ".join(missing)),
         *([("error", f"{error_words(error['distance'])} (estimated)")] if error else []),
         *bar_rows(result.get("expected_error")),
         ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),
         ("active limits", ", ".join(result["active_limits"]) or "none"),
         *(
-            [("path", f"through {stops} poses before it, see --json")]
+            [("path", f"through {stops} other pose{'s' if stops > 1 else ''}: --json has them")]
             if (stops := len(result["path"]) - 1)
             else []
         ),
-        ("optimality", f"{result['kkt']:.1e} rad"),
-        ("solved by", f"{result['iterations']} linearisations in {1e3 * result['seconds']:.0f} ms"),
+        ("solved in", f"{result['seconds']:.2g} s, {result['iterations']} linearisations"),
     ]
 
 

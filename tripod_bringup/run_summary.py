@@ -24,16 +24,13 @@ def summary_rows(result: Mapping[str, Any], again: Sequence[str], *, view: bool 
     """
     median, dt = result["step_ms"]["median"], result["dt"] * 1e3
     time = f"{result['time']:.4g} s in {result['steps']} steps of {dt:.4g} ms"
-    cost = f"{_digits(result['seconds'])} s of computing; a typical step took {_digits(median)} ms (median)"
-    if median > 0:
-        faster = dt / median >= 1
-        times = _digits(dt / median if faster else median / dt)
-        cost += f", {times} times {'less' if faster else 'more'} than it simulates"
+    second = f"{_digits(median / dt)} s" if dt > 0 else "unknown time"
+    cost = f"{_digits(median)} ms a step (median): one simulated second takes {second} of computing"
     files = ", ".join(f"{f['file']} ({_digits(f['bytes'] / 1e6)} MB)" for f in result.get("written", ()))
     return [
         ("result", _outcome(result)),
         ("time", time),
-        ("error", _error(result)),
+        ("error", _error(result, own_motion=bool({"--servo", "--slide"} & set(again)))),
         ("cost", cost),
         *([("files", files)] if files else []),
         ("next", _next(result, again, view=view)),
@@ -63,14 +60,18 @@ def _outcome(result: Mapping[str, Any]) -> str:
     return "; ".join([*parts, "at rest" if energies.get("kinetic", 0.0) <= REST * others else "still moving"])
 
 
-def _error(result: Mapping[str, Any]) -> str:
-    """Return what is known of the error: as the accuracy study measured it, as this run estimated it, or why not."""
+def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
+    """Return what is known of the error: as the accuracy study measured it, as this run estimated it, or why not.
+
+    `own_motion`: whether the servos move otherwise than in the study.
+    """
     figures, steps, words = result.get("figures") or {}, result.get("time_error") or {}, []
     measured = figures.get("error", {}).get("measured")
     if measured is not None:
         words.append(
             f"about {_digits(100 * measured)} %: measured in the accuracy study of this scene, against a converged "
             f"solution, for {figures['quantity'].replace('; ', ' and for ')}"
+            + ("; in its motion, not in yours" if own_motion else "")
         )
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))

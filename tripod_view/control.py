@@ -106,6 +106,12 @@ class Control:
         if mode is Mode.TELEOP and self.measured(now) is None:
             self.notice = "The joint angles are not known: is the simulator or the driver running?"
             return None
+        if mode is Mode.IK and self.moving:
+            self.notice = (
+                f"The servos are still on the way to the {self.moving}. Follow the target once they are there: "
+                "from half the way the body may fold to the wrong side."
+            )
+            return None
         self.notice = ""
         began = mode is Mode.TELEOP and not self.streaming
         decision = self.mandate.decide(mode, wall, now)

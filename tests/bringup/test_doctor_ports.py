@@ -28,10 +28,10 @@ def check(*ports: FoundPort, **options) -> list[Check]:
     return check_ports(ports, user="ada", **options)
 
 
-def test_no_port_is_a_warning_and_on_board_ports_do_not_count() -> None:
+def test_no_port_is_fine_and_on_board_ports_do_not_count() -> None:
     (found,) = check(BUILT_IN)
-    assert found.verdict is Verdict.WARN
-    assert_names(found.advice, "--port mock")
+    assert found.verdict is Verdict.OK
+    assert_names(found.advice, "tripod up", "simulates")
 
 
 def test_each_port_is_told_with_its_identity_and_lasting_name() -> None:

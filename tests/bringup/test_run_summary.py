@@ -65,7 +65,7 @@ def test_effects_are_named_without_costs() -> None:
     assert not {"would add", "would save"} & found.keys()
 
 
-def short(**more: Any) -> dict[str, str]:
+def short(*words: str, **more: Any) -> dict[str, str]:
     result = {
         "scene": "cloth", "time": 0.1, "steps": 10, "dt": 0.01, "effector": None, "angles": [], "torques": [],
         "energies": {"kinetic": 0.2, "strain": 0.1, "gravity": -0.4}, "step_ms": {"median": 25.0, "p99": 2.0},
@@ -77,7 +77,7 @@ def short(**more: Any) -> dict[str, str]:
         "finer": "1%",
         "accuracy": "",
     }
-    return dict(summary_rows(result | {"figures": figures} | more, ["tripod", "run", "cloth"]))
+    return dict(summary_rows(result | {"figures": figures} | more, ["tripod", "run", "cloth", *words]))
 
 
 def test_the_measured_error_is_told_with_its_meaning_and_what_makes_it_smaller() -> None:
@@ -85,8 +85,13 @@ def test_the_measured_error_is_told_with_its_meaning_and_what_makes_it_smaller()
     assert_names(found["result"], "41.3 mm", "still moving")
     assert_names(found["error"], "1.3 %", "converged solution", "measured", "the free corner")
     assert not names(found["error"], 3, "%"), "no bound beside a measured value"
-    assert_names(found["cost"], "25 ms", "2.5 times more")
+    assert_names(found["cost"], "25 ms", "2.5 s")
     assert_names(found["next"], "tripod run cloth --accuracy 1%")
+
+
+def test_of_a_motion_of_ones_own_the_study_knows_nothing() -> None:
+    assert_names(short("--servo", "0:0,0,0")["error"], "1.3 %", "not in yours")
+    assert not names(short()["error"], "not in yours")
 
 
 def test_an_error_that_nobody_measured_is_said_to_be_unknown_with_the_command_that_measures_it() -> None:

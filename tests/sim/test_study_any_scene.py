@@ -13,6 +13,7 @@ from tripod_sim.accuracy.studied import studied
 from tripod_sim.scene_file import scene_text
 from tripod_sim.study.advice import advice
 from tripod_sim.study.plan import Plan
+from tripod_sim.study.plans import any_scene
 from tripod_sim.study.plans.any_scene import Subject, plan, task
 from tripod_sim.study.result import assemble
 from tripod_sim.study.task import outcome
@@ -212,7 +213,7 @@ def test_a_motion_that_no_steps_can_tell_is_called_so() -> None:
 
 
 def test_where_no_mesh_is_finer_the_errors_say_that_they_are_without_it(tmp_path: Path) -> None:
-    without = ("without", "mesh errs")
+    without = ("without", "error of the mesh")
     coarse = plan(Subject("tripod", duration=0.4), quick=True)
     assert_names(coarse.note, "finer mesh")
     assert_names(coarse.quantities[0].what, *without)
@@ -222,3 +223,15 @@ def test_where_no_mesh_is_finer_the_errors_say_that_they_are_without_it(tmp_path
     fine = plan(Subject(strip(tmp_path)), quick=True)
     assert fine.note == ""
     assert not names(fine.quantities[0].what, "mesh")
+
+
+def test_a_quick_study_shortens_a_motion_that_would_take_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It halves it until the reference is affordable, and says so; a duration that the user gave it keeps."""
+    words = ["mesh.level=1"]
+    whole = plan(Subject("tripod", words), quick=True)
+    monkeypatch.setattr(any_scene, "QUICK_BUDGET", any_scene.QUICK_BUDGET / 10)
+    short = plan(Subject("tripod", words), quick=True)
+    assert short.base["duration"] < 0.6 * whole.base["duration"]
+    assert_names(short.note, "first", f"{short.base['duration']:.2g} s", "--quick")
+    with raises_naming(SceneError, "--duration", "--quick"):
+        plan(Subject("tripod", words, duration=whole.base["duration"]), quick=True)

@@ -48,6 +48,18 @@ def test_the_decision_in_force_says_who_commands(heard: tuple, streaming: bool, 
     assert (c.command(1.0) is not None) == streaming
 
 
+def test_the_target_is_not_followed_from_half_a_motion() -> None:
+    """On the way the body may be bent so that inverse kinematics folds it to the wrong side."""
+    c = in_teleop()
+    assert c.go("working pose", WORKING_POSE, 0.1)
+    assert c.decide(Mode.IK, 100.5, 0.2) is None
+    assert_names(c.notice, "working pose")
+    assert c.streaming and c.moving == "working pose"
+    assert c.decide(Mode.STOP, 100.6, 0.3) == Decision(Mode.STOP, "/view#1", 100.6)
+    assert not c.moving
+    assert c.decide(Mode.IK, 100.7, 0.4) == Decision(Mode.IK, "/view#1", 100.7)
+
+
 def test_an_unknown_mode_is_refused_and_changes_nothing() -> None:
     c = in_teleop()
     with raises_naming(ValueError, "control mode 9", "unknown"):

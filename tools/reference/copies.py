@@ -31,7 +31,12 @@ def copied(page: str) -> str:
     text = (ROOT / source).read_text(encoding="utf-8")
     if source.endswith(".ipynb"):
         text = notebooks.markdown(text)
-    page_of = {origin: name for name, origin in found.items()}
+    return relinked(text, source, page)
+
+
+def relinked(text: str, source: str, page: str) -> str:
+    """Return the text of `source`, a path in the repository, with its links as they are from `page` of the site."""
+    page_of = {origin: name for name, origin in sources().items()}
 
     def moved(match: re.Match[str]) -> str:
         mark, words, link = match.groups()

@@ -52,7 +52,10 @@ def proposal(
     except SceneError as error:
         return f"no cheaper setting can be proposed: {error}"
     if here and there and here.cpu <= there.cpu:
-        return f"study {found.name} has no cheaper setting that runs in real time: choose a lower accuracy"
+        return (
+            f"study {found.name} has no cheaper setting that runs in real time: close other programs, or choose a "
+            "lower accuracy"
+        )
     replaced = "; ".join(word for word in words if word not in choice.overrides)
     instead = f" instead of {percent(measured(found, here))}" if here else ""
     told = "not known" if choice.measured is None else f"about {percent(choice.measured)}{instead} (measured)"

@@ -44,6 +44,9 @@ LONGEST = 1e4
 STEPS, QUICK_STEPS = (2.0, 1.0, 0.5, 0.25, 0.125), (1.0, 0.5)
 """Steps of the points over the scene's dt."""
 
+SHORTEST = 20
+"""Steps of the scene that a quick study shortens a motion to, at least."""
+
 FINEST, QUICK_FINEST = 32, 8
 """The scene's dt over the step of the reference; half of it is the other rung."""
 
@@ -56,7 +59,7 @@ LIMIT = 2400.0
 MESHES = "A finer mesh would take too long, so the error of the mesh is not included in these figures."
 BODIES = "Meshes of [[body]] are not refined, so their error is not included in these figures."
 
-LEFT_OUT = "; without what the mesh errs"
+LEFT_OUT = "; without the error of the mesh"
 """What errors are of, then: whoever picks a setting by them reads that, too."""
 
 SOLVE, GROWTH, TOUCHING = 1.2e-6, 1.35, 10.0
@@ -119,13 +122,17 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         raise SceneError(
             f"the duration is {duration:g} s; allowed: {made.dt:g} s (one step) to {LONGEST:g} s"
         )
+    default = _default(made)
+    base = {field: value for field, value in base.items() if field not in default}
+    tries = _Tries(subject.scene, {**base, "duration": duration}, made)
+    whole = duration
+    if quick and subject.duration is None and made.inertia:
+        while duration > SHORTEST * made.dt and not _affordable(tries, default, duration):
+            duration /= 2
     widest = STEPS[0] * made.dt
     interval = widest * max(1, round(duration / LOOKS / widest))
     samples = max(1, round(duration / interval))
     base["duration"] = interval * samples
-    default = _default(made)
-    base = {field: value for field, value in base.items() if field not in default}
-    tries = _Tries(subject.scene, base, made)
     rungs = _rungs(tries, default, interval * samples, quick=quick)
     given: dict[str, Value] = {
         FILE: _place(subject.scene),
@@ -133,8 +140,13 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         INTERVAL: interval,
         SAMPLES: samples,
     }
-    note = _left_out(made, default, rungs[-1])
-    quantities = _quantities(made, interval * samples, LEFT_OUT if note else "")
+    left_out = _left_out(made, default, rungs[-1])
+    quantities = _quantities(made, interval * samples, LEFT_OUT if left_out else "")
+    shorter = (
+        f"Only the first {interval * samples:.2g} s of the motion ({whole:.3g} s) are studied; leave out --quick for "
+        "all of it."
+    )
+    note = " ".join(filter(None, (shorter if duration < whole else "", left_out)))
     return Plan(
         name=UNSAFE.sub("_", made.name)[:60] + ("" if len(base) == 1 else f"_{_digest(base)}"),
         title=f"{made.name}: {made.description or 'a scene of its own'}",
@@ -303,6 +315,15 @@ def _default(scene: Scene) -> dict[str, Value]:
     if _soft(scene):
         found["solver.mode"] = scene.solver.mode
     return found
+
+
+def _affordable(tries: _Tries, default: Settings, duration: float) -> bool:
+    """Return whether a quick study can have a reference for so much of the motion [s]."""
+    try:
+        _rungs(tries, default, duration, quick=True)
+    except SceneError:
+        return False
+    return True
 
 
 def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) -> tuple[Settings, ...]:
