@@ -1,7 +1,7 @@
 """What docs/accuracy.md shows of the studies: what all cost (`accuracy_overview.py`); picture and table of each.
 
-The studies are those that come with tripod, tripod_sim/studies/*.json. The price of a scene's settings is in its file,
-too, as a comment. `evidence.py` writes both.
+The studies are those that come with tripod, tripod_study/studies/*.json. The price of a scene's settings is in its
+file, too, as a comment. `evidence.py` writes both.
 """
 
 import json
@@ -14,11 +14,11 @@ from benchmarks import accuracy_overview
 from benchmarks.doc_parts import folded
 from tripod_bringup.study_files import error_text, seconds
 from tripod_bringup.study_plans import PLANS
-from tripod_sim.study.advice import short
-from tripod_sim.study.fingerprint import fingerprint
+from tripod_study.advice import short
+from tripod_study.fingerprint import fingerprint
 
 ROOT = Path(__file__).resolve().parents[1]
-STUDIES = ROOT / "tripod_sim" / "studies"
+STUDIES = ROOT / "tripod_study" / "studies"
 
 SCENES = ROOT / "tripod_sim" / "scenes"
 MARK = "Accuracy:"

@@ -1,6 +1,6 @@
 """What docs/accuracy.md begins with: what an error of 10, 5, 2, 1 and 0.1 % costs in each scene.
 
-One picture and one table, from the studies in tripod_sim/studies; for `accuracy_docs.py`.
+One picture and one table, from the studies in tripod_study/studies; for `accuracy_docs.py`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,8 +10,8 @@ from typing import Any
 
 from tripod_bringup.study_plot import colour_of
 from tripod_host.writing import replaced
-from tripod_sim.study.advice import short
-from tripod_sim.study.front import cheapest
+from tripod_study.advice import short
+from tripod_study.front import cheapest
 
 LEVELS = (10, 5, 2, 1, 0.1)
 """Errors [%]."""

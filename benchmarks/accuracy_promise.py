@@ -8,7 +8,7 @@ too, it is Richardson's limit of both. `reference` is what that setting, without
 that at most. The error is measured as the study does it: the largest deviation over the case, over the travel (a
 motion) or over the study's scale (poses). `factor` is what the error in the study would have to be multiplied by,
 before what the study's reference may err is added, to hold 95 % of the cases: `margins` of
-tripod_sim/accuracy/choice.py have to be at least that. Where a study promises two quantities, both have to be within
+tripod_study/accuracy/choice.py have to be at least that. Where a study promises two quantities, both have to be within
 what is asked, and the table has both.
 
     python benchmarks/accuracy_promise.py [--studies DIR] [--only tripod_dynamic] [--cases 200] [--keep cases.jsonl]
@@ -41,9 +41,9 @@ from benchmarks.promise_cases import KINDS, Kind, Rows
 from benchmarks.promise_table import HEADS, PAGE, percent, table, written
 from tripod_bringup.study_plans import PLANS
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.accuracy.choice import asked, margins, pick
-from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study
-from tripod_sim.study.fingerprint import fingerprint
+from tripod_study.accuracy.choice import asked, margins, pick
+from tripod_study.accuracy.stored import StoredPoint, StoredStudy, read_study
+from tripod_study.fingerprint import fingerprint
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -236,7 +236,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--studies", type=Path, default=ROOT / "tripod_sim" / "studies", help="folder of JSON files"
+        "--studies", type=Path, default=ROOT / "tripod_study" / "studies", help="folder of JSON files"
     )
     parser.add_argument("--only", nargs="*", choices=list(KINDS), help="studies; all by default")
     parser.add_argument("--cases", type=int, default=200, help="of each study")

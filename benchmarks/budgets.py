@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tripod_sim.accuracy.choice import Budget, pick, stays_stable
-from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study, stored_studies
+from tripod_study.accuracy.choice import Budget, pick, stays_stable
+from tripod_study.accuracy.stored import StoredPoint, StoredStudy, read_study, stored_studies
 
 COUNT = 6
 """Of budgets."""

@@ -18,7 +18,7 @@ from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.springs.spring_build import spring_body, surface_part
-from tripod_sim.study.plans import drape
+from tripod_study.plans import drape
 
 BALL = [
     "contact={contact_distance=5e-4, alarm_distance=1.5e-3}",

@@ -4,7 +4,7 @@
     python benchmarks/evidence.py --from studies    # takes the studies of a folder into the package first
     python benchmarks/evidence.py --check           # writes nothing; exit code 1 if a page or scene file is not current
 
-Results are stored as files (tripod_sim/studies/*.json, docs/*.csv, docs/peers.json) or as tables on the pages. Such a
+Results are stored as files (tripod_study/studies/*.json, docs/*.csv, docs/peers.json) or as tables on the pages. Such a
 table is written by the script that is named beside it, with `--write`. Short tables and pictures are made from these.
 What stands outside the marks `<!-- name -->` and `<!-- end name -->` is left as it is.
 

@@ -35,9 +35,9 @@ from benchmarks.doc_parts import write_part
 from tripod_sim import SceneError, Simulation, StepError
 from tripod_sim.mesh import y_piece
 from tripod_sim.mesh.y_piece import LEVELS, YLevel
-from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Settings
-from tripod_sim.study.plans import tripod_dynamic, tripod_static
+from tripod_study.motion import scene_of
+from tripod_study.plan import Settings
+from tripod_study.plans import tripod_dynamic, tripod_static
 
 CLAMP: Settings = {"clamp.stiffness": 1.4e10}
 MOST, ENOUGH = 1500, 0.005

@@ -31,7 +31,7 @@ from tripod_ik.study_plan import DEFAULT, ROBOT, SCENE, robot
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene_file import load_scene
 
-STUDY = Path(__file__).resolve().parents[1] / "tripod_sim" / "studies" / "ik.json"
+STUDY = Path(__file__).resolve().parents[1] / "tripod_study" / "studies" / "ik.json"
 SCALE = json.loads(STUDY.read_text(encoding="utf-8"))["quantities"][0]["scale"]
 """What errors are relative to [m]."""
 

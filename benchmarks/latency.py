@@ -30,6 +30,7 @@ from calibration import busy, calibration  # it sets the number of threads, so i
 # isort: split
 import numpy as np
 
+from tripod_bringup.node_values import node_package
 from tripod_driver.framed import Decoder
 from tripod_driver.framed_messages import SetPulses
 from tripod_driver.ports.mock_board import MockBoard
@@ -87,7 +88,7 @@ class Board:
 def node(name: str, *words: str, terminal: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[bytes]]:
     """Run a node of the suite until the block ends."""
     process = subprocess.Popen(
-        [sys.executable, "-m", f"tripod_{name}.node", *words],
+        [sys.executable, "-m", f"{node_package(name)}.node", *words],
         cwd=ROOT,
         stdin=terminal,
         stdout=subprocess.DEVNULL,

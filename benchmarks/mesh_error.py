@@ -40,9 +40,9 @@ from promise_cases import Case as PromiseCase
 from promise_cases import dynamic_case, dynamic_turn, turned
 
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.figures.errors import effector_error
-from tripod_sim.run import Firmness
 from tripod_sim.softness import SLACK
+from tripod_study.run import Firmness
+from tripod_study.summary.errors import effector_error
 
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
 STILL, FINER = ("h20", 10), ("h20", 9)

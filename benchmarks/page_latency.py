@@ -1,8 +1,8 @@
 """From key or slider to servo: how long until what a hand does in the browser moves a servo of the simulator.
 
-A real Chromium shows the page of `tripod_view.node` beside `tripod_sim.node`. A press is timed from the event in the
-browser (the time that its own clock gives it) to the first joint state in which that servo has moved, as a node of this
-program hears it. Both clocks are the machine's. Before each press the joints rest. Run it on a quiet machine.
+A real Chromium shows the page of `tripod_view.node` beside `tripod_runtime.node`. A press is timed from the event in
+the browser (the time that its own clock gives it) to the first joint state in which that servo has moved, as a node of
+this program hears it. Both clocks are the machine's. Before each press the joints rest. Run it on a quiet machine.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from playwright.sync_api import sync_playwright
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
+from tripod_bringup.node_values import node_package
 from tripod_graph import names
 from tripod_graph.qos import RELIABLE
 
@@ -62,7 +63,7 @@ class Joints:
 
 @contextlib.contextmanager
 def node(name: str, *words: str):
-    program = [sys.executable, "-m", f"tripod_{name}.node", *words]
+    program = [sys.executable, "-m", f"{node_package(name)}.node", *words]
     process = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         yield process

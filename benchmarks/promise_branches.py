@@ -27,11 +27,11 @@ from benchmarks.accuracy_promise import ROOT, reference_of
 from benchmarks.doc_parts import write_part
 from benchmarks.promise_cases import KINDS, Case
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.accuracy.choice import pick
-from tripod_sim.accuracy.stored import StoredPoint, read_study
 from tripod_sim.softness import SOFT
+from tripod_study.accuracy.choice import pick
+from tripod_study.accuracy.stored import StoredPoint, read_study
 
-STUDY = ROOT / "tripod_sim" / "studies" / "tripod_static.json"
+STUDY = ROOT / "tripod_study" / "studies" / "tripod_static.json"
 SCALE = json.loads(STUDY.read_text(encoding="utf-8"))["quantities"][0]["scale"]
 """What errors are relative to [m]."""
 

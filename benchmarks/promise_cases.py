@@ -8,8 +8,8 @@ import numpy as np
 
 from tripod_sim import Simulation
 from tripod_sim.maze.play import MazeBall
-from tripod_sim.study.plans.maze import INSTANTS
-from tripod_sim.study.plans.silicone import DURATION, INTERVAL, tip_nodes
+from tripod_study.plans.maze import INSTANTS
+from tripod_study.plans.silicone import DURATION, INTERVAL, tip_nodes
 
 SPREAD = 0.3
 """Of angles about the line from the flat piece to the working pose [rad]."""

@@ -25,8 +25,8 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 import tripod_sim
 from tripod_sim import Simulation, load_scene
-from tripod_sim.recording import Recording
-from tripod_sim.run import run
+from tripod_study.recording import Recording
+from tripod_study.run import run
 from tripod_view.player.of_run import film_of
 from tripod_view.player.picture import Painter
 

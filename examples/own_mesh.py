@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tripod_sim.run import run
+from tripod_study.run import run
 
 LENGTH, WIDTH, HEIGHT = 0.080, 0.020, 0.012  # [m]
 CELLS = (16, 4, 3)

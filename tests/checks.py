@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tripod_host.arrays import FloatArray
+from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_sim import Simulation, StepError
-from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
 
 
 def random_rotation(rng: np.random.Generator) -> FloatArray:

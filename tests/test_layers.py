@@ -15,8 +15,10 @@ ROOT = Path(__file__).parents[1]
 MAY_IMPORT = {
     "tripod_host": set(),
     "tripod_graph": {"tripod_host"},
-    "tripod_sim": {"tripod_host", "tripod_graph"},
-    "tripod_ik": {"tripod_host", "tripod_graph", "tripod_sim", "tripod_identify"},
+    "tripod_sim": {"tripod_host"},
+    "tripod_study": {"tripod_host", "tripod_sim"},
+    "tripod_runtime": {"tripod_host", "tripod_graph", "tripod_sim", "tripod_study"},
+    "tripod_ik": {"tripod_host", "tripod_graph", "tripod_sim", "tripod_study", "tripod_identify"},
     "tripod_driver": {"tripod_host", "tripod_graph"},
     "tripod_teleop": {"tripod_host", "tripod_graph"},
     "tripod_view": {"tripod_host", "tripod_graph"},
@@ -42,7 +44,9 @@ ROS_EDGE = {
         "timers",
         "trajectory",
     },
-    "tripod_sim": {
+    "tripod_sim": set(),
+    "tripod_study": set(),
+    "tripod_runtime": {
         "node",
         "messages",
         "markers",
@@ -50,7 +54,7 @@ ROS_EDGE = {
         "settings",
         "simulated_clock",
         "standard_services",
-        "teller",
+        "introspection",
         "transforms",
     },
     "tripod_ik": {"node", "messages", "settings"},
@@ -75,7 +79,7 @@ HOME = {
     "cv2": {"tripod_identify", "tripod_bringup"},
     "osqp": {"tripod_ik"},
     "qdldl": {"tripod_sim"},
-    "numba": {"tripod_sim", "tripod_ik", "tripod_view", "tripod_bringup"},
+    "numba": {"tripod_sim", "tripod_study", "tripod_ik", "tripod_view", "tripod_bringup"},
     "typer": {"tripod_bringup"},
     "rich": {"tripod_bringup"},
 }
@@ -156,9 +160,9 @@ def package_of(module: str) -> str:
 
 def test_the_reader_of_imports_sees_what_it_must() -> None:
     assert {package_of(m) for m in modules()} == {*MAY_IMPORT, "tripod_bringup"}
-    assert "tripod_graph.run" in imports("tripod_sim.node")
+    assert "tripod_graph.run" in imports("tripod_runtime.node")
     assert "rclpy" in imports("tripod_graph.run"), "imports inside functions count"
-    assert "rclpy" in {package_of(m) for m in reached("tripod_sim.node")}
+    assert "rclpy" in {package_of(m) for m in reached("tripod_runtime.node")}
     assert "numpy" in reached("tripod_sim")
 
 
@@ -233,7 +237,7 @@ def test_a_fresh_interpreter_loads_the_pure_modules_without_ros(package: str) ->
     loaded = loaded_by(f"import {', '.join(pure)}")
     assert package in loaded
     assert not {m for m in loaded if is_ros(m)}
-    if package in {"tripod_graph", "tripod_sim", "tripod_ik", "tripod_identify"}:
+    if package in {"tripod_graph", "tripod_sim", "tripod_study", "tripod_ik", "tripod_identify"}:
         assert not loaded & {"serial", "viser", "mcap", "typer", "rich"}
 
 

@@ -229,8 +229,8 @@ def draw(sources: dict[str, str], seed: int) -> Iterator[Mutant]:
 
 def test_files(file: str) -> list[str]:
     """Return the paths of the tests of a file, each once."""
-    folder = "tests/ik" if file.startswith("tripod_ik") else "tests/sim"
-    return [f"{folder}/test_{name}.py" for name in dict.fromkeys(TESTS[file])]
+    names = dict.fromkeys(TESTS[file])
+    return [str(path.relative_to(ROOT)) for name in names for path in ROOT.glob(f"tests/*/test_{name}.py")]
 
 
 def run_tests(tree: Path, files: Sequence[str], log: Path) -> str | None:

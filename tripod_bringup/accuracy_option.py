@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from tripod_sim.accuracy.choice import Choice
+    from tripod_study.accuracy.choice import Choice
 
 Accuracy = Annotated[
     str | None,
@@ -56,7 +56,7 @@ def chosen(
 ) -> "Choice | None":
     """Return the setting that the options ask for; None without `--accuracy`. Raises SceneError.
 
-    `chooser` is what chooses; None: `tripod_sim.accuracy.choice.choose`.
+    `chooser` is what chooses; None: `tripod_study.accuracy.choice.choose`.
     """
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
 
@@ -66,6 +66,6 @@ def chosen(
                 "--study needs --accuracy or --budget: it is where the setting for an accuracy is looked up"
             )
         return None
-    from tripod_sim.accuracy.choice import choose  # noqa: PLC0415
+    from tripod_study.accuracy.choice import choose  # noqa: PLC0415
 
     return (chooser or choose)(scene, accuracy, overrides, study=study)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from tripod_record.segments import Segment
-from tripod_sim.recording import Recording
-from tripod_sim.rerun import Ended, Rerun
+from tripod_runtime.resimulation import Ended, Rerun
+from tripod_study.recording import Recording
 
 PICTURES = 1500
 """Of a page; longer recordings have fewer a second."""

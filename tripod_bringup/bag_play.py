@@ -16,8 +16,8 @@ from tripod_record.errors import RecordError
 from tripod_record.info import printable
 from tripod_record.segments import chosen_segment, segment_lines
 from tripod_record.selection import is_selected, patterns
+from tripod_runtime.resimulation import Rerun
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.rerun import Rerun
 
 RATES = (0.01, 100.0)
 """Smallest and largest rate, but for the simulator, which may also run as fast as it can."""

@@ -17,7 +17,7 @@ from tripod_record.segments import (
     segment_lines,
     simulators,
 )
-from tripod_sim.rerun import STAMP_ERROR, Body, Commands, Rerun, Saved
+from tripod_runtime.resimulation import STAMP_ERROR, Body, Commands, Rerun, Saved
 from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.simulation import Simulation
 

@@ -6,9 +6,9 @@ from tripod_bringup.bag_session import Session
 from tripod_graph import names
 from tripod_graph.presence import publisher_elsewhere
 from tripod_record.errors import RecordError
-from tripod_sim.node import SimNode
-from tripod_sim.realtime import Activity
-from tripod_sim.rerun import Ended, Outcome, Rerun
+from tripod_runtime.node import SimNode
+from tripod_runtime.realtime import Activity
+from tripod_runtime.resimulation import Ended, Outcome, Rerun
 from tripod_sim.simulation import Simulation
 
 PERIOD = 0.05

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from tripod_sim.explain.report import Explanation, Progress
-    from tripod_sim.spatial_error import SpatialError
+    from tripod_study.explain.report import Explanation, Progress
+    from tripod_study.spatial_error import SpatialError
 
 HELP = (
     "Show what a step of a scene costs, by stages and effects.\n\n"
@@ -80,8 +80,8 @@ def explain_command(
     """Measure, print and return the exit code: 0, 2 bad arguments, 1 a step cannot be made."""
     with loading("tripod explain", shown=not quiet):
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
-        from tripod_sim.explain.report import explain  # noqa: PLC0415
         from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+        from tripod_study.explain.report import explain  # noqa: PLC0415
 
     estimated: SpatialError | None = None
     try:
@@ -90,7 +90,7 @@ def explain_command(
             progress_note(shown=not quiet and sys.stderr.isatty()) as progress,
         ):
             if error:  # first: what has no static state is told at once
-                from tripod_sim.spatial_error import spatial_error  # noqa: PLC0415 - only where it is asked for
+                from tripod_study.spatial_error import spatial_error  # noqa: PLC0415 - only where it is asked for
 
                 if progress:
                     progress(0.0, "solving on a finer mesh")

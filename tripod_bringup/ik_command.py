@@ -160,7 +160,7 @@ def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
 
 def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what is printed for people: names and texts."""
-    from tripod_sim.figures.errors import error_words  # noqa: PLC0415 - not needed for the help
+    from tripod_study.summary.errors import error_words  # noqa: PLC0415 - not needed for the help
 
     x, y, z = (1e3 * v for v in result["position"])
     missing = []

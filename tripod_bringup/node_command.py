@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from typer.core import TyperCommand
 
-from tripod_bringup.node_values import RawYaml, ValueSyntaxError, node_arguments, read, split_word, typed
+from tripod_bringup.node_values import (
+    RawYaml,
+    ValueSyntaxError,
+    node_arguments,
+    node_package,
+    read,
+    split_word,
+    typed,
+)
 from tripod_graph.loopback import keep_local
 from tripod_graph.run import split_ros
 
@@ -94,7 +102,7 @@ class UnknownParameterError(ValueError):
 
 def parameter_table(name: str) -> tuple["Parameter", ...]:
     """Return the parameters of the node `name`. Raises ImportError where it, or ROS, is not installed."""
-    parameters: tuple[Parameter, ...] = importlib.import_module(f"tripod_{name}.settings").PARAMETERS
+    parameters: tuple[Parameter, ...] = importlib.import_module(f"{node_package(name)}.settings").PARAMETERS
     return parameters
 
 
@@ -174,7 +182,7 @@ def check_values(name: str, values: Mapping[str, object]) -> None:
     Raises:
         ImportError: it, or ROS, is not installed.
     """
-    settings = importlib.import_module(f"tripod_{name}.settings")
+    settings = importlib.import_module(f"{node_package(name)}.settings")
     known = {p.name: p for p in parameter_table(name)}
     given = {
         key: known[key].taken(read(value) if isinstance(value, RawYaml) else value)
@@ -213,7 +221,7 @@ def run_node_command(
     """
     keep_local(subnet=subnet)
     try:
-        module = importlib.import_module(f"tripod_{name}.node")
+        module = importlib.import_module(f"{node_package(name)}.node")
     except ImportError as error:
         print(f"tripod {name}: {missing_import(error)}", file=sys.stderr)
         return 1

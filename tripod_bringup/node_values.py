@@ -4,6 +4,18 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+PACKAGES = {"sim": "tripod_runtime"}
+"""Packages of the nodes that are not named like their package."""
+
+
+def node_package(name: str) -> str:
+    """Return the package that holds the modules `node` and `settings` of the node `name`.
+
+    >>> node_package("sim"), node_package("ik")
+    ('tripod_runtime', 'tripod_ik')
+    """
+    return PACKAGES.get(name, f"tripod_{name}")
+
 
 class ValueSyntaxError(ValueError):
     """A word that is no `NAME:=VALUE`; the message says which."""

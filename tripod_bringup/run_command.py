@@ -62,7 +62,7 @@ def run_scene(
     with loading("tripod run", shown=not quiet):
         from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-        from tripod_sim.run import run  # noqa: PLC0415
+        from tripod_study.run import run  # noqa: PLC0415
 
     try:
         with (

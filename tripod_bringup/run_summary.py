@@ -18,7 +18,7 @@ def summary_rows(result: Mapping[str, Any], again: Sequence[str], *, view: bool 
     """Return name and text of the rows that end a run, at most six: result, time, error, cost, files, next step.
 
     Args:
-        result: Of `tripod_sim.run.run`.
+        result: Of `tripod_study.run.run`.
         again: The words of the command that makes the same run without pictures and files.
         view: Whether it is shown on a page already.
     """
@@ -122,7 +122,7 @@ HELD = 5e-5
 
 
 def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return name and text of each row of a result of `tripod_sim.run.run`."""
+    """Return name and text of each row of a result of `tripod_study.run.run`."""
     rows = [
         ("scene", str(result["scene"])),
         ("time", f"{result['time']:.6g} s, {result['steps']} steps of {result['dt'] * 1e3:.6g} ms"),
@@ -187,7 +187,7 @@ def _figure_rows(figures: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     """Return the rows of what the page shows, too: energy, penetration, accuracy, effects; none without figures."""
     if not figures:
         return []
-    from tripod_sim.figures.stability import stability_lines  # noqa: PLC0415 - not needed for the help
+    from tripod_study.summary.stability import stability_lines  # noqa: PLC0415 - not needed for the help
 
     told = ("energy balance", "penetration", "snap")
     shown = [row for row in stability_lines(figures["stability"]) if row[0] in told]
@@ -198,7 +198,7 @@ def _figure_rows(figures: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 def _effector_error(error: Mapping[str, Any], steps: Mapping[str, Any]) -> str:
     """Return the largest estimated error of mesh and time steps at the effector."""
     if math.isnan(error["largest"]):
-        from tripod_sim.figures.errors import error_words  # noqa: PLC0415 - not needed for the help
+        from tripod_study.summary.errors import error_words  # noqa: PLC0415 - not needed for the help
 
         return error_words(math.nan)
     shares = {"mesh": error["largest"], "step": steps.get("effector", math.nan)}

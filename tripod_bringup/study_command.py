@@ -19,7 +19,7 @@ from tripod_host.writing import check_place, replaced_text
 
 if TYPE_CHECKING:
     from tripod_bringup.study_run import Executor
-    from tripod_sim.study.plan import Plan
+    from tripod_study.plan import Plan
 
 INTERRUPTED = "tripod study: interrupted; what is done is kept in {out}, the same command goes on"
 PARTS = ("both", "accuracy", "report")
@@ -156,7 +156,7 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     from tripod_sim.scene_file import scene_names  # noqa: PLC0415
 
     with loading("tripod study"):
-        from tripod_sim.study.plans import any_scene  # noqa: PLC0415 - heavy
+        from tripod_study.plans import any_scene  # noqa: PLC0415 - heavy
 
     if not scene.endswith(".toml") and scene not in scene_names():
         known = ", ".join([*PLANS, "tripod"])
@@ -202,7 +202,7 @@ def accuracy(
     from tripod_bringup.study_files import write_files  # noqa: PLC0415
     from tripod_bringup.study_run import outdated, run_plan  # noqa: PLC0415
     from tripod_bringup.study_store import Store  # noqa: PLC0415
-    from tripod_sim.study.result import assemble  # noqa: PLC0415
+    from tripod_study.result import assemble  # noqa: PLC0415
 
     with Store(out / f"{made.name}.jsonl", fresh=fresh) as store:
         if count := outdated(made, store):
@@ -231,7 +231,7 @@ def print_report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, 
     Rows that are done are kept and not measured again, unless `fresh` or by other code.
     """
     from tripod_bringup.study_store import Store  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415
+    from tripod_study.fingerprint import fingerprint  # noqa: PLC0415
 
     made, code = report(name, full=full), fingerprint(PLANS[name])
     columns = {column.key for column in made.columns}

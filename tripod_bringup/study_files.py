@@ -73,7 +73,7 @@ def seconds(value: float | None) -> str:
 
 def table(result: Result) -> str:
     """Return the study for people: its points by cost, the front marked, what is cheapest, orders, advice."""
-    from tripod_sim.study.advice import short  # noqa: PLC0415 - not needed for the help
+    from tripod_study.advice import short  # noqa: PLC0415 - not needed for the help
 
     rows = sorted(result["points"], key=lambda p: (p["cpu"] is None, p["cpu"] or 0.0))
     cells = [["", "setting", "unknowns", "error [%]", f"CPU [{result['cpu']}]", "median", ""]]

@@ -4,17 +4,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tripod_sim.study.plan import Plan
-    from tripod_sim.study.report import Report
+    from tripod_study.plan import Plan
+    from tripod_study.report import Report
 
 PLANS = {
-    "pendulum": "tripod_sim.study.plans.pendulum",
-    "cloth": "tripod_sim.study.plans.cloth",
-    "drape": "tripod_sim.study.plans.drape",
-    "silicone": "tripod_sim.study.plans.silicone",
-    "tripod_static": "tripod_sim.study.plans.tripod_static",
-    "tripod_dynamic": "tripod_sim.study.plans.tripod_dynamic",
-    "maze": "tripod_sim.study.plans.maze",
+    "pendulum": "tripod_study.plans.pendulum",
+    "cloth": "tripod_study.plans.cloth",
+    "drape": "tripod_study.plans.drape",
+    "silicone": "tripod_study.plans.silicone",
+    "tripod_static": "tripod_study.plans.tripod_static",
+    "tripod_dynamic": "tripod_study.plans.tripod_dynamic",
+    "maze": "tripod_study.plans.maze",
     "ik": "tripod_ik.study_plan",
 }
 """Modules with `plan(quick=...)` and `task(settings)`; only the one that runs is imported."""

@@ -56,7 +56,7 @@ def _height(point: Result) -> float:
 
 
 def _work_precision(axes: Any, result: Result) -> None:
-    from tripod_sim.study.advice import short  # noqa: PLC0415
+    from tripod_study.advice import short  # noqa: PLC0415
 
     points = [p for p in result["points"] if p["error"] is not None]
     grouping = next(k for k in result["knobs"] if k["field"] == result["group"])

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.study_store import Store
 from tripod_bringup.study_worker import Workers, lost
-from tripod_sim.study.fingerprint import fingerprint
+from tripod_study.fingerprint import fingerprint
 
 if TYPE_CHECKING:
-    from tripod_sim.study.plan import Plan, Settings
+    from tripod_study.plan import Plan, Settings
 
 Job = tuple[str, str, "Settings", float]
 """Key of a point, its task's module, its settings, its time limit [s]."""

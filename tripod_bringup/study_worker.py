@@ -140,8 +140,8 @@ def main() -> None:
     """Measure the points that come in, until there are no more, or whoever asks for them is gone."""
     end_at_once()
     die_with_parent(int(sys.argv[1]))
-    from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415 - the parent needs none of it
-    from tripod_sim.study.task import outcome  # noqa: PLC0415
+    from tripod_study.fingerprint import fingerprint  # noqa: PLC0415 - the parent needs none of it
+    from tripod_study.task import outcome  # noqa: PLC0415
 
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # whatever prints must not look like a record

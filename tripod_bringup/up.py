@@ -21,7 +21,7 @@ from tripod_bringup.demo_report import report_demo
 from tripod_bringup.doctor import ENOUGH_SPACE
 from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one
 from tripod_bringup.log_lines import Level, parse
-from tripod_bringup.node_values import node_arguments, read
+from tripod_bringup.node_values import node_arguments, node_package, read
 from tripod_bringup.process import ProcessSpec
 from tripod_bringup.screen import Screen
 from tripod_bringup.status_line import status_line
@@ -135,7 +135,7 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
         asked = options.values.get(name, {})
         given = {**values, **({"use_sim_time": True} if name != "sim" and simulated else {}), **asked}
         arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
-        return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
+        return ProcessSpec(name, f"{node_package(name)}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
     record = spec(  # which gives up a disk that stands still by itself; the end of a long file takes long
         "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=120.0

@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from tripod_ik.tracker_settings import Goal
-from tripod_sim.accuracy.choice import Choice, asked, chosen_from
-from tripod_sim.accuracy.machine import product_time
-from tripod_sim.accuracy.stored import StoredStudy, Value, read_study, stored_studies
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_file import load_scene
+from tripod_study.accuracy.choice import Choice, asked, chosen_from
+from tripod_study.accuracy.machine import product_time
+from tripod_study.accuracy.stored import StoredStudy, Value, read_study, stored_studies
 
 BESIDE = ("ik", "robot")
 """Tables of the study that are none of a scene. Its points that stop early save time; what is asked once is solved to
@@ -29,7 +29,7 @@ def choose_model(
     slide: float = SLIDE,
     speed: Callable[[], float | None] = product_time,
 ) -> Choice:
-    """Return the setting of the scene that inverse kinematics solves, see `tripod_sim.accuracy.choice.choose`.
+    """Return the setting of the scene that inverse kinematics solves, see `tripod_study.accuracy.choice.choose`.
 
     Raises:
         SceneError: anything wrong with the input, no study of the scene, no point that is so exact.

@@ -15,9 +15,9 @@ from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene import Scene
-from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Knob, Plan, Quantity, Reference, Settings, grid, points_of
-from tripod_sim.study.task import Measured, repeated
+from tripod_study.motion import scene_of
+from tripod_study.plan import Knob, Plan, Quantity, Reference, Settings, grid, points_of
+from tripod_study.task import Measured, repeated
 
 SCENE = "tripod"
 

@@ -6,24 +6,29 @@ the class of an argument has moved: reading the index of such a kernel ends with
 """
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 IMPORT = re.compile(r"^(?:from|import) ([\w.]+)(?: import (\([^)]*\)|.+))?", re.MULTILINE)
 STAMP = "kernels.stamp"
 
 
-def remove_stale_kernels(package: Path) -> list[Path]:
-    """Remove the stale kernels below `package`, and return them; looks no further where no source has changed since.
+def remove_stale_kernels(package: Path, *below: Path) -> list[Path]:
+    """Remove the stale kernels of `package` and return their files; do nothing where no source has changed since.
 
     Where the folder cannot be written nothing is done: Numba then keeps its cache elsewhere.
+
+    Args:
+        package: The folder of a package.
+        below: Folders of the packages whose kernels it calls, beside that of `package`.
     """
-    sources = {path: path.stat().st_mtime_ns for path in package.rglob("*.py")}
+    sources = {path: path.stat().st_mtime_ns for folder in (package, *below) for path in folder.rglob("*.py")}
     stamp = package / "__pycache__" / STAMP
     newest = str(max(sources.values(), default=0))
     try:
         if stamp.exists() and stamp.read_text() == newest:
             return []
-        removed = _remove(package, sources)
+        removed = _remove((package, *below), sources)
         stamp.parent.mkdir(exist_ok=True)
         stamp.write_text(newest)
     except OSError:
@@ -31,10 +36,11 @@ def remove_stale_kernels(package: Path) -> list[Path]:
     return removed
 
 
-def _remove(package: Path, sources: dict[Path, int]) -> list[Path]:
-    imports = {path: _imports(path, package) & sources.keys() for path in sources}
+def _remove(packages: Sequence[Path], sources: dict[Path, int]) -> list[Path]:
+    """Remove the stale kernels of the first of `packages` and return them."""
+    imports = {path: _imports(path, packages) & sources.keys() for path in sources}
     removed = []
-    for path in sources:
+    for path in (path for path in sources if packages[0] in path.parents):
         reached, todo = {path}, [path]
         while todo:
             new = imports[todo.pop()] - reached
@@ -43,27 +49,31 @@ def _remove(package: Path, sources: dict[Path, int]) -> list[Path]:
         newest = max(sources[p] for p in reached)
         for kernel in (path.parent / "__pycache__").glob(f"{path.stem}.*.nb[ic]"):
             made = kernel.stat().st_mtime_ns
-            if made < newest or any(made < sources.get(p, made + 1) for p in _named(kernel, package)):
+            if made < newest or any(made < sources.get(p, made + 1) for p in _named(kernel, packages)):
                 kernel.unlink(missing_ok=True)
                 removed.append(kernel)
     return removed
 
 
-def _named(kernel: Path, package: Path) -> set[Path]:
-    """Return the files of the package whose classes an index of kernels names: its arguments may be of these types."""
+def _named(kernel: Path, packages: Sequence[Path]) -> set[Path]:
+    """Return the files whose classes an index of kernels names: its arguments may be of these types."""
     if kernel.suffix != ".nbi":
         return set()
-    names = re.findall(rb"\b%s(?:\.\w+)+" % package.name.encode(), kernel.read_bytes())
-    return {package.joinpath(*name.decode().split(".")[1:]).with_suffix(".py") for name in names}
+    text = kernel.read_bytes()
+    return {
+        package.joinpath(*name.decode().split(".")[1:]).with_suffix(".py")
+        for package in packages
+        for name in re.findall(rb"\b%s(?:\.\w+)+" % package.name.encode(), text)
+    }
 
 
-def _imports(path: Path, package: Path) -> set[Path]:
-    """Return the files of the package that a module imports, by the text of its import lines."""
-    found = set()
+def _imports(path: Path, packages: Sequence[Path]) -> set[Path]:
+    """Return the files of the packages that a module imports, by the text of its import lines."""
+    folders, found = {package.name: package for package in packages}, set()
     for module, names in IMPORT.findall(path.read_text(encoding="utf-8")):
-        parts = module.split(".")
-        if parts[0] == package.name:
-            base = package.joinpath(*parts[1:])
+        first, *parts = module.split(".")
+        if first in folders:
+            base = folders[first].joinpath(*parts)
             found.add(base.with_suffix(".py"))
             found |= {base / f"{name}.py" for name in re.findall(r"\w+", names)}
     return found

@@ -17,8 +17,8 @@ from typer.testing import CliRunner, Result
 from tests.messages import assert_names, line_naming, raises_naming
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene, scene_names
-from tripod_sim.recording import Recording
 from tripod_sim.scene_short import effector_of, joints_of
+from tripod_study.recording import Recording
 from tripod_view.player.html import write_html
 from tripod_view.player.of_run import MOVING, SILICONE, film_of
 
@@ -114,8 +114,8 @@ def test_what_cannot_be_written_is_told_before_the_run(
 
 
 def test_a_run_that_breaks_off_still_shows_how(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tripod_sim import run as module
     from tripod_sim.errors import StepError
+    from tripod_study import run as module
 
     class Breaking(module.Simulation):
         def step(self, joints: object = None) -> object:

@@ -27,8 +27,8 @@ from tripod_bringup.study_plot import draw
 from tripod_bringup.study_run import Job, local, outdated, run_plan
 from tripod_bringup.study_store import Store
 from tripod_bringup.study_worker import Worker, lost
-from tripod_sim.study.fingerprint import fingerprint
-from tripod_sim.study.result import assemble
+from tripod_study.fingerprint import fingerprint
+from tripod_study.result import assemble
 
 ROOT = Path(__file__).parents[2]
 

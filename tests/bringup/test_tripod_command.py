@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from tests.messages import assert_names
 from tripod_bringup import cli, node_command, up_command
+from tripod_bringup.node_values import node_package
 from tripod_bringup.run_command import _tell_note
 from tripod_sim.errors import SceneError, StepError
 
@@ -45,7 +46,7 @@ def tripod(*words: str) -> Any:
 
 
 class FakeRun:
-    """Stands for `tripod_sim.run.run`: keeps what it was given."""
+    """Stands for `tripod_study.run.run`: keeps what it was given."""
 
     def __init__(self) -> None:
         self.scene = ""
@@ -63,9 +64,9 @@ class FakeRun:
 @pytest.fixture
 def fake_run(monkeypatch: pytest.MonkeyPatch) -> FakeRun:
     fake = FakeRun()
-    module = types.ModuleType("tripod_sim.run")
+    module = types.ModuleType("tripod_study.run")
     module.run = fake  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "tripod_sim.run", module)
+    monkeypatch.setitem(sys.modules, "tripod_study.run", module)
     return fake
 
 
@@ -244,7 +245,7 @@ def fake_node(monkeypatch: pytest.MonkeyPatch, name: str) -> list[list[str]]:
     """Put a node in the place of the real one; returns the command lines it gets."""
     parameters = pytest.importorskip("tripod_graph.parameters")
     calls: list[list[str]] = []
-    module = types.ModuleType(f"tripod_{name}.node")
+    module = types.ModuleType(f"{node_package(name)}.node")
     table = (parameters.Parameter("port", "auto", "A port"),)
     monkeypatch.setattr(node_command, "parameter_table", lambda _name: table)
 
@@ -253,7 +254,7 @@ def fake_node(monkeypatch: pytest.MonkeyPatch, name: str) -> list[list[str]]:
         return 5
 
     module.main = main  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, f"tripod_{name}.node", module)
+    monkeypatch.setitem(sys.modules, f"{node_package(name)}.node", module)
     return calls
 
 

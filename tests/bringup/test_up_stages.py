@@ -14,7 +14,7 @@ from tests.record.bags import STRING, cdr_string
 from tripod_bringup import up as up_module
 from tripod_bringup import up_command
 from tripod_bringup.demo_summary import Measurements
-from tripod_bringup.node_values import RawYaml
+from tripod_bringup.node_values import RawYaml, node_package
 from tripod_bringup.screen import Screen
 from tripod_bringup.supervisor import Ending
 from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _judged, _report, _show, _Until, stages
@@ -50,7 +50,7 @@ def test_the_recorder_comes_first_and_the_driver_last() -> None:
     ]
     specs = [spec for stage in plan for spec in stage]
     assert {spec.name: spec.exit_code for spec in specs} == EXIT_CODES
-    assert all(spec.module == f"tripod_{spec.name}.node" for spec in specs)
+    assert all(spec.module == f"{node_package(spec.name)}.node" for spec in specs)
 
 
 def test_what_is_not_wanted_is_not_started() -> None:

@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.study.plan import Knob, Plan, Quantity, Reference, Settings, grid
-from tripod_sim.study.task import Measured
+from tripod_study.plan import Knob, Plan, Quantity, Reference, Settings, grid
+from tripod_study.task import Measured
 
 ENDS = ("ok", "diverge", "refuse", "bug", "exit", "kill", "hang")
 

@@ -103,7 +103,7 @@ def test_a_recording_is_read_without_ros(tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.ros
 def test_the_controller_lets_the_servos_wave_until_it_is_stopped(domain: int) -> None:
     pytest.importorskip("tripod_msgs")
-    from tests.sim.sim_graph import Graph
+    from tests.runtime.sim_graph import Graph
 
     graph = Graph(domain, set="mesh.level=1").start()
     words = [sys.executable, str(EXAMPLES / "controller.py"), "--ros-args"]

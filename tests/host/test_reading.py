@@ -17,12 +17,12 @@ from tripod_play.errors import PlayError
 from tripod_play.path_file import read_path
 from tripod_record.errors import RecordError
 from tripod_record.info import read_info
-from tripod_sim.accuracy.stored import read_study
 from tripod_sim.errors import SceneError
 from tripod_sim.maze.board import read_maze
 from tripod_sim.mesh.read import read_solid
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene_file import load_scene
+from tripod_study.accuracy.stored import read_study
 
 READERS = {
     "scene": (".toml", load_scene, SceneError),

@@ -12,8 +12,8 @@ from tests.messages import assert_names, line_naming, raises_naming
 from tripod_bringup.cli import app
 from tripod_ik.accuracy import choose_model
 from tripod_ik.tracker_settings import Goal
-from tripod_sim.accuracy.stored import stored_studies
 from tripod_sim.errors import SceneError
+from tripod_study.accuracy.stored import stored_studies
 
 IK = ["ik", "--target", "0.005 0 -0.006"]
 

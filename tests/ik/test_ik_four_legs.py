@@ -15,7 +15,7 @@ from tripod_ik.once import solve_once
 from tripod_ik.tasks import PositionTask
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.description import urdf
-from tripod_sim.run import run
+from tripod_study.run import run
 
 CROSS = ("cross", ("mesh.level=1",))
 HOME = -1.4965

@@ -266,7 +266,7 @@ def test_a_lost_ball_and_another_operator_end_the_game(context: None) -> None:
 
 
 def test_the_simulator_tells_where_the_ball_is(domain: int) -> None:
-    from tripod_sim.node import SimNode
+    from tripod_runtime.node import SimNode
 
     received: list[PoseStamped] = []
     rclpy.init(

@@ -12,9 +12,9 @@ from rosbags.typesys import Stores, get_typestore
 from tripod_graph import names
 from tripod_record.topic import Qos, Topic
 from tripod_record.writer import BagWriter
-from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
-from tripod_sim.realtime import RealTime, Snapshot
-from tripod_sim.rerun import Ended
+from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_runtime.realtime import RealTime, Snapshot
+from tripod_runtime.resimulation import Ended
 from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Simulation

@@ -10,8 +10,8 @@ from tripod_sim.integrators import newton
 from tripod_sim.integrators.added_error_control import AddedErrorControl
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.substeps import Substeps
-from tripod_sim.run import run
 from tripod_sim.scene_file import scene_to_toml
+from tripod_study.run import run
 
 SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
 NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8", "mesh.level=1")

@@ -5,7 +5,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.recording import Recording
+from tripod_study.recording import Recording
 
 BALL = "ball={radius=0.004, mass=1e-3, position=[-0.01, 0.0, 0.0085]}"
 SAME = 'rigid=[{shape="ball", radius=0.004, mass=1e-3, position=[-0.01, 0.0, 0.0085]}]'

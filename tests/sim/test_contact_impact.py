@@ -14,7 +14,7 @@ from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.world import World
 from tripod_sim.integrators.looking_back import implicit_euler
-from tripod_sim.run import run
+from tripod_study.run import run
 
 MODES = ["lagrange", "penalty"]
 SCHEMES = ["implicit_euler", "bdf2", "tr_bdf2"]

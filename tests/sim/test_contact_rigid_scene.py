@@ -14,8 +14,8 @@ from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.rigid_shapes import ball, box, solid_of
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
-from tripod_sim.run import run
 from tripod_sim.springs.generate import grid
+from tripod_study.run import run
 
 G, TILT = 9.81, np.radians(20)
 

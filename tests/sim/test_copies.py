@@ -9,7 +9,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.explain.sampling import swing
+from tripod_study.explain.sampling import swing
 
 SCENES = {
     "cloth": ("cloth", ["springs.nodes=5"]),

@@ -8,8 +8,8 @@ import pytest
 
 from tests.checks import assert_failing_leaves_the_state
 from tests.messages import raises_naming
+from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.parts import integrator_of
 

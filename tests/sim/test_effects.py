@@ -142,9 +142,9 @@ simulation = Simulation(load_scene({name!r}, {words!r}))
 simulation.step()
 loaded = [m for m in sys.modules if m.startswith("tripod_sim")]
 import numpy as np
-from tripod_sim.explain.objects import walk
-from tripod_sim.explain.stages import time_stages
-from tripod_sim.explain.stopwatch import Stopwatch
+from tripod_study.explain.objects import walk
+from tripod_study.explain.stages import time_stages
+from tripod_study.explain.stopwatch import Stopwatch
 arrays, objects = [], []
 for value, owner in walk(simulation):
     (arrays if isinstance(value, np.ndarray) else objects).append(owner)
@@ -331,7 +331,7 @@ import json, sys
 import numpy as np
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects import absent, meaning, named
-from tripod_sim.explain.report import explain
+from tripod_study.explain.report import explain
 def ends(*words):
     simulation = Simulation(load_scene("silicone", ["mesh.level=1", "solver.tolerance=1e-5", *words]))
     for _ in range(10):

@@ -75,6 +75,21 @@ def test_kernels_go_with_the_classes_of_their_arguments(package: Path) -> None:
     assert kernel in remove_stale_kernels(package)
 
 
+def test_kernels_go_with_the_sources_of_a_package_below(package: Path) -> None:
+    above = package.with_name("office")
+    source = above / "repeat.py"
+    kernel = kernel_of(source)
+    kernel.parent.mkdir(parents=True)
+    source.write_text("from laboratory.forces import solid\n")
+    kernel.write_text("machine code")
+    for path in (source, kernel):
+        os.utime(path, (kernel_of(package / "laws.py").stat().st_mtime,) * 2)
+    assert remove_stale_kernels(above, package) == []
+    os.utime(package / "laws.py")
+    assert remove_stale_kernels(above, package) == [kernel]
+    assert kernel_of(package / "laws.py").exists(), "that package removes its own"
+
+
 def test_where_nothing_can_be_written_nothing_happens(package: Path) -> None:
     (package / "__pycache__").rename(package / "kept")
     (package / "__pycache__").write_text("a file where the folder should be")
@@ -115,7 +130,7 @@ DEAR = ("ldl_kernels.factor",)
 def test_no_kernel_assigns_an_array_to_a_slice() -> None:
     """`put` does that: the text of what Numba would say of shapes that differ takes seconds to compile."""
     root, found, kernels = Path(__file__).parents[2], [], 0
-    for path in sorted(root.glob("tripod_sim/**/*.py")):
+    for path in sorted(root.glob("tripod_s*/**/*.py")):
         for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(function, ast.FunctionDef) or "njit" not in map(_name, function.decorator_list):
                 continue

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
-from tripod_sim.run import run
+from tripod_study.run import run
 
 STATIC = ("inertia=off", "damping=off")
 QUARTER = -np.pi / 4

@@ -8,7 +8,6 @@ from tests.scenes import CUBE, SHARP
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.figures.errors import effector_error
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh_error import estimate
@@ -17,6 +16,7 @@ from tripod_sim.mesh_error.outside import Outside, alone, interpolation
 from tripod_sim.mesh_error.support import Support
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.bodies import Mesh
+from tripod_study.summary.errors import effector_error
 
 W = -1.4965
 CLAMP = "clamp.stiffness=1.4e10"

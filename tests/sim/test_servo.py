@@ -15,7 +15,7 @@ from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.effects.servo_dynamics import ServoDynamics
 from tripod_sim.robot.servo import ServoMotion
-from tripod_sim.run import run
+from tripod_study.run import run
 
 COARSE = ["mesh.level=1"]
 REAL = [*COARSE, "servo_dynamics={}"]
@@ -302,7 +302,7 @@ def test_the_node_names_a_stalled_servo_in_status_and_diagnostics(domain: int, r
     pytest.importorskip("tripod_msgs")
     from tripod_graph.diagnostics import Level
     from tripod_graph.run import ros_arguments
-    from tripod_sim.node import SimNode
+    from tripod_runtime.node import SimNode
 
     words = ["mesh.level=1", "clamp=off", f"servos.angles=[{QUARTER},{QUARTER},{QUARTER}]"]
     words += ["servo_dynamics={}"] if real else []

@@ -12,7 +12,7 @@ from tests.messages import names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.forces.gravity import GravityForce
-from tripod_sim.run import run
+from tripod_study.run import run
 
 BLOCK = """
 name = "block"

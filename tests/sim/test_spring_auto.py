@@ -8,10 +8,10 @@ import pytest
 
 from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.explain.loops import kernel_stages
 from tripod_sim.integrators.stability import longest_step
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.automatic import AutomaticSprings
+from tripod_study.explain.loops import kernel_stages
 
 INTERVAL, END = 0.02, 0.8  # [s]
 DAMPED = ("springs.damping=0.5", "damping={mass=0.3, stiffness=1e-4}")

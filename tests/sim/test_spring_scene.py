@@ -247,7 +247,7 @@ def test_a_chain_is_shown_by_a_surface_that_moves_with_it() -> None:
 
 def test_a_run_tells_of_instability_and_of_the_stability_limit() -> None:
     from tripod_bringup.run_summary import result_rows
-    from tripod_sim.run import run
+    from tripod_study.run import run
 
     words = ["inertia.substeps=off", "springs.node_mass=0.005"]
     result = run("pendulum", duration=0.2, overrides=words)

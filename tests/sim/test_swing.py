@@ -8,13 +8,13 @@ from scipy.linalg import expm
 
 from tests.tiers import sampled
 from tripod_sim import Simulation, load_scene
-from tripod_sim.figures.errors import effector_error
 from tripod_sim.integrators.time_error import ErrorTransport
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.mesh_error import swing
 from tripod_sim.mesh_error.modal_steps import ModalSteps
 from tripod_sim.mesh_error.modes import Modes
 from tripod_sim.mesh_error.swing import Swing, propagator
+from tripod_study.summary.errors import effector_error
 
 W = -1.4965
 WORKING = (f"servos.angles=[{W},{W},{W}]", "servos.slide=0.035")

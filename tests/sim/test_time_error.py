@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
-from tripod_sim.run import run
+from tripod_study.run import run
 
 SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])

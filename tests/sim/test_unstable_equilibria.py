@@ -8,7 +8,7 @@ import pytest
 from tests.messages import names
 from tripod_sim import Simulation, load_scene
 from tripod_sim.mesh import y_piece
-from tripod_sim.run import run
+from tripod_study.run import run
 
 STATIC = ("inertia=off", "damping=off")
 LENGTH, WIDTH, PRESSED = 0.1, 0.01, 0.006  # [m]

@@ -6,9 +6,9 @@ import pytest
 from tests.checks import assert_failing_leaves_the_state
 from tests.messages import raises_naming
 from tripod_host.rotations import rotation_matrix
+from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
-from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
 from tripod_sim.integrators.path_error_control import PathErrorControl, after_hit

@@ -8,12 +8,12 @@ import numpy as np
 
 from tests.view.fake_simulator import FakeSimulator
 from tripod_sim import Simulation, load_scene
-from tripod_sim.figures.accuracy import accuracy_figures, as_table
-from tripod_sim.figures.effects import effect_figures
-from tripod_sim.figures.energy import EnergyBooks
-from tripod_sim.figures.errors import errors_line
-from tripod_sim.figures.picture import picture
-from tripod_sim.figures.stability import stability, stability_lines
+from tripod_study.summary.accuracy import accuracy_figures, as_table
+from tripod_study.summary.effects import effect_figures
+from tripod_study.summary.energy import EnergyBooks
+from tripod_study.summary.errors import errors_line
+from tripod_study.summary.picture import picture
+from tripod_study.summary.stability import stability, stability_lines
 
 
 @cache

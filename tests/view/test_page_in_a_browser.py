@@ -31,8 +31,8 @@ from tripod_graph import names
 from tripod_graph.diagnostic_keys import Recording
 from tripod_graph.diagnostics import Level, status_message
 from tripod_graph.qos import RELIABLE
-from tripod_sim.accuracy.choice import percent
 from tripod_sim.scene_file import scene_names
+from tripod_study.accuracy.choice import percent
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), "")

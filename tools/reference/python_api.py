@@ -32,14 +32,14 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
             "tripod_sim.state": ("State",),
             "tripod_sim.integrators.report": ("StepReport",),
             "tripod_sim.compliance": ("Compliance",),
-            "tripod_sim.spatial_error": ("spatial_error", "SpatialError"),
+            "tripod_study.spatial_error": ("spatial_error", "SpatialError"),
         },
     ),
     (
         "Recordings and pictures",
         "Keep a run, read it again, turn it into a page. Keys of the file: [file formats](../file_formats.md).",
         {
-            "tripod_sim.recording": ("Recording",),
+            "tripod_study.recording": ("Recording",),
             "tripod_view.player.of_run": ("film_of",),
             "tripod_view.player.film": ("Film", "Deforming", "Piece", "Curve", "Event", "FilmError"),
             "tripod_view.player.html": ("write_html",),

@@ -1,4 +1,4 @@
-"""The film of a run of the simulator, from the arrays that it leaves behind (`tripod_sim.recording` tells them). Pure.
+"""The film of a run of the simulator, from the arrays that it saves (see `tripod_study.recording`). Pure.
 
 Nothing is simulated or read again: what the arrays do not hold is not shown.
 """

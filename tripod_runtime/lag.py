@@ -1,0 +1,118 @@
+"""Steps that are slower than real time: why, and which cheaper setting to propose. The setting itself never changes."""
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tripod_host.priority import stand_back
+from tripod_runtime.realtime import Speed
+from tripod_sim.errors import SceneError
+from tripod_sim.scene_file import load_scene
+from tripod_study.accuracy.choice import changes, measured, percent, point_of, study_of, switched
+from tripod_study.accuracy.machine import product_time
+
+PERIOD = 1.0
+"""Time between two calls of `LagMonitor.look`, and over which the steps are measured [s]."""
+
+FULL = 0.9
+"""Load of one core from which the setting, and not a busy machine, is too slow for real time."""
+
+LASTING = 3
+"""Calls of `LagMonitor.look` in a row that find the steps too slow before a busy machine is logged."""
+
+QUIET = 60.0
+"""Least time between two lines of the log [s]."""
+
+PATIENCE = 0.5
+"""How long the end waits for a proposal [s]."""
+
+BUSY = "the machine is busy: end other programs, or choose a lower accuracy"
+
+
+def proposal(
+    source: str,
+    words: Sequence[str],
+    *,
+    study: Path | None = None,
+    speed: Callable[[], float | None] = product_time,
+) -> str:
+    """Return which setting `--accuracy real-time` takes for a scene that is too slow, or why none is known.
+
+    Args:
+        source: Name of the scene or path of its file.
+        words: Overrides that it runs with.
+        study: File of a study; None: the one that comes with tripod.
+        speed: See `choice.choose`.
+    """
+    try:
+        made = load_scene(source, words)
+        choice = switched(source, "real-time", words, study=study, speed=speed)
+        found = study_of(source, made, study)
+        here, there = (point_of(found, scene) for scene in (made, load_scene(source, choice.overrides)))
+    except SceneError as error:
+        return f"no cheaper setting can be proposed: {error}"
+    if here and there and here.cpu <= there.cpu:
+        return (
+            f"study {found.name} has no cheaper setting that runs in real time: close other programs, or choose a "
+            "lower accuracy"
+        )
+    replaced = "; ".join(word for word in words if word not in choice.overrides)
+    instead = f" instead of {percent(measured(found, here))}" if here else ""
+    told = "not known" if choice.measured is None else f"about {percent(choice.measured)}{instead} (measured)"
+    return (
+        f"`--accuracy real-time` at the start, or real-time on the page, takes {changes(made, choice.settings)}"
+        f"{f' in place of {replaced}' if replaced else ''}: error {told}"
+    )
+
+
+class LagMonitor:
+    """Says when the steps are slower than real time, and proposes a setting once where theirs is the cause.
+
+    The first call of `look`, a second after the start, measures the setting of the scene; later calls notice what
+    becomes too slow.
+
+    Attributes:
+        proposal: What the setting takes and which one is proposed; empty before it was too slow.
+    """
+
+    def __init__(self, propose: Callable[[], str], say: Callable[[str], None]) -> None:
+        """`propose` may take seconds, see `proposal`; `say` is called for the log, in any thread."""
+        self._propose, self._say = propose, say
+        self._search: threading.Thread | None = None
+        self._count, self._said, self._closed = 0, float("-inf"), False
+        self.proposal = ""
+
+    def look(self, speed: Speed, now: float) -> None:
+        """Take the speed of the last second; call it every `PERIOD`, at the steady time `now` [s]."""
+        self._count = self._count + 1 if speed.behind else 0
+        if speed.behind and speed.load >= FULL and not self._search:
+            self._said = now
+            self._search = threading.Thread(target=self._find, args=(speed,), name="proposal", daemon=True)
+            self._search.start()
+        elif self._count == LASTING and now - self._said >= QUIET:
+            self._said = now
+            self._say(self.words(speed))
+
+    def advice(self, speed: Speed) -> str:
+        """Return why the steps are slower than real time and what to do; empty where they are not, or not known yet."""
+        if not speed.behind:
+            return ""
+        return BUSY if speed.load < FULL else self.proposal
+
+    def words(self, speed: Speed) -> str:
+        """Return that the steps are slower than real time, by how much, and `advice`; empty where they are not."""
+        factor = f"slower than real time: factor {speed.real_time_factor:.2f}" if speed.behind else ""
+        return "; ".join(filter(None, (factor, self.advice(speed))))
+
+    def close(self) -> None:
+        """Say nothing any more."""
+        self._closed = True
+        if self._search:
+            self._search.join(PATIENCE)
+
+    def _find(self, speed: Speed) -> None:
+        stand_back()
+        told = self._propose()
+        if not self._closed:
+            self.proposal = f"each simulated second takes {speed.load:.2g} s of one core; {told}"
+            self._say(self.words(speed))

@@ -1,0 +1,156 @@
+"""Messages of the simulator from its snapshots."""
+
+import array
+
+import numpy as np
+from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Pose as PoseMessage
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
+from tripod_msgs.msg import BodyState, Compliance
+
+from tripod_graph.names import SLIDE, WORLD, servo_names
+from tripod_host.arrays import FloatArray, IndexArray
+from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_runtime.input_log import HEAD
+from tripod_runtime.notices import known
+from tripod_runtime.realtime import Snapshot
+from tripod_sim.maze.board_mesh import BoardMesh
+from tripod_sim.simulation import Pose, Skin
+from tripod_study.summary.errors import mesh_error
+
+
+def header(stamp: int) -> Header:
+    """Return a header in `world` at `stamp` [ns]."""
+    message = Header(frame_id=WORLD)
+    set_stamp(message, stamp)
+    return message
+
+
+def set_stamp(message: Header, stamp: int) -> None:
+    """Let a header be of `stamp` [ns]."""
+    message.stamp.sec, message.stamp.nanosec = divmod(stamp, 1_000_000_000)
+
+
+def flat(values: FloatArray) -> array.array:
+    """Return an array as rclpy takes it without a copy per number."""
+    return array.array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
+def pose_message(pose: Pose) -> PoseMessage:
+    """Return a pose [m, unit quaternion]."""
+    message = PoseMessage()
+    set_pose(message, pose)
+    return message
+
+
+def set_pose(message: PoseMessage, pose: Pose) -> None:
+    """Let a message tell a pose [m, unit quaternion]."""
+    p, q = pose.position.tolist(), pose.quaternion.tolist()
+    message.position.x, message.position.y, message.position.z = p
+    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = q
+
+
+class PoseTeller:
+    """Poses as messages: one and the same message, since what it is made of costs more than what it says."""
+
+    def __init__(self) -> None:
+        self._message = PoseStamped(header=header(0))
+
+    def message(self, snapshot: Snapshot, pose: Pose) -> PoseStamped:
+        """Return a pose of a snapshot; good until the next call."""
+        set_stamp(self._message.header, snapshot.stamp)
+        set_pose(self._message.pose, pose)
+        return self._message
+
+
+class JointTeller:
+    """Joint states as messages: one and the same message, as `PoseTeller`."""
+
+    def __init__(self, servos: int) -> None:
+        """`servos`: how many there are."""
+        self._message = JointState(header=header(0), name=[*servo_names(servos), SLIDE])
+
+    def message(self, snapshot: Snapshot) -> JointState:
+        """Return angles, slide and torques; the slide has no effort of its own. Good until the next call."""
+        set_stamp(self._message.header, snapshot.stamp)
+        self._message.position = array.array("d", snapshot.joints[: len(self._message.name)].tolist())
+        self._message.effort = array.array("d", [*snapshot.torques.tolist(), 0.0])
+        return self._message
+
+
+def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
+    """Return the node positions."""
+    return BodyState(
+        header=header(snapshot.stamp), topology_id=mesh.topology_id, step=snapshot.step, time=snapshot.time,
+        positions=flat(snapshot.positions),
+    )  # fmt: skip
+
+
+def compliance_message(snapshot: Snapshot) -> Compliance | None:
+    """Return the compliance of the snapshot, or None if it has none."""
+    c = snapshot.compliance
+    if c is None:
+        return None
+    soft = c.softness
+    return Compliance(
+        header=header(snapshot.stamp), joint_names=list(servo_names(len(c.angles))), angles=flat(c.angles),
+        torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
+        equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide, firmness=soft.firmness if soft else 1.0,
+        firmness_slope=flat(soft.slope) if soft else [], effector_mesh_error=known(mesh_error(snapshot.report)),
+    )  # fmt: skip
+
+
+def commands_message(rows: FloatArray) -> Float64MultiArray:
+    """Return runs of a journal, shape (n, k); the labels tell rows and columns."""
+    count, width = rows.shape
+    columns = " ".join(("epoch", "first", "last", "stamp_ns", *_joint_names(width - HEAD)))
+    layout = [
+        MultiArrayDimension(label="runs", size=count, stride=count * width),
+        MultiArrayDimension(label=columns, size=width, stride=width),
+    ]
+    return Float64MultiArray(layout=MultiArrayLayout(dim=layout), data=flat(rows))
+
+
+def _joint_names(count: int) -> tuple[str, ...]:
+    """Return the names of `count` joints: servos and the slide; none of a scene without servos."""
+    return (*servo_names(count - 1), SLIDE) if count else ()
+
+
+def checkpoint_message(checkpoint: Checkpoint) -> UInt8MultiArray:
+    """Return a checkpoint as an npz file."""
+    return UInt8MultiArray(data=array.array("B", checkpoint_bytes(checkpoint)))
+
+
+def mesh_message(mesh: Skin) -> Mesh:
+    """Return the undeformed surface; its vertices are all nodes, so that indices are those of body_state."""
+    return _mesh(mesh.nodes, mesh.surface)
+
+
+def maze_message(maze: BoardMesh | None) -> Mesh:
+    """Return plate and walls of a maze, in the frame of the effector; an empty mesh says that there is none."""
+    return _mesh(maze.vertices, maze.triangles) if maze else Mesh()
+
+
+def ball_shape_message(radius: float | None) -> SolidPrimitive:
+    """Return the ball as a sphere of `radius` [m]; one without dimensions says that there is none."""
+    return SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[] if radius is None else [radius])
+
+
+def _mesh(nodes: FloatArray, surface: IndexArray) -> Mesh:
+    triangles = [MeshTriangle(vertex_indices=t.astype(np.uint32)) for t in surface]
+    vertices = [Point(x=x, y=y, z=z) for x, y, z in nodes.tolist()]
+    return Mesh(triangles=triangles, vertices=vertices)
+
+
+def cloud_message(snapshot: Snapshot) -> PointCloud2:
+    """Return the nodes as a cloud of float32 points [m]."""
+    data = snapshot.positions.astype("<f4")
+    fields = [
+        PointField(name=n, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, n in enumerate("xyz")
+    ]
+    return PointCloud2(
+        header=header(snapshot.stamp), height=1, width=len(data), fields=fields, is_bigendian=False, point_step=12,
+        row_step=12 * len(data), data=array.array("B", data.tobytes()), is_dense=True,
+    )  # fmt: skip

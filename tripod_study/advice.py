@@ -1,0 +1,108 @@
+"""What a study's numbers say in two sentences: what to take, and which knob pays."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tripod_study.front import LEVELS
+
+
+def advice(result: Mapping[str, Any]) -> list[str]:
+    """Return sentences: the cheapest setting for each accuracy, and which knob pays against its default."""
+    points, cost = result["points"], _unit(result["cpu"])
+    named: dict[int, list[str]] = {}
+    for level, i in result["cheapest"].items():
+        if i is not None:
+            named.setdefault(i, []).append(level)
+    missing = [level for level, i in result["cheapest"].items() if i is None]
+    parts = [
+        f"within {_levels(levels)}: {short(points[i]['settings'], result)} ({points[i]['cpu']:.2g} {cost})"
+        for i, levels in named.items()
+    ]
+    if missing:
+        parts.append(f"no setting has an error within {_percent(missing[0])} for certain")
+    first = "; ".join(parts)
+    sentences = [f"Cheapest {first}." if named else f"{first[:1].upper()}{first[1:]}."]
+    own = (result.get("reference") or {}).get("own_error")
+    if own and own > max(LEVELS.values()):
+        closer = " Leave out --quick for a more accurate one." if result["quick"] else ""
+        sentences.append(
+            f"The reference itself may have an error of {100 * own:.2g} %.{closer} If that stays, the motion is "
+            "chaotic or can end in several ways: shorten it (--duration), or name by [[marker]] a place that can be "
+            "predicted."
+        )
+    if text := knob_that_pays(result):
+        sentences.append(text)
+    return sentences
+
+
+def knob_that_pays(result: Mapping[str, Any]) -> str:
+    """Return in a sentence which knobs to turn, at the tightest accuracy that any setting reaches.
+
+    The cheapest setting within it is held against its twins, which have one knob at its default: those that miss the
+    accuracy say which knobs it takes; if there are none, the dearest says which knob saves most, if by a factor of 1.2
+    or more. The knob that groups the points counts as taken, too, if no point with its default gets there.
+    """
+    level = next((x for x in reversed(LEVELS) if result["cheapest"][x] is not None), None)
+    if level is None:
+        return ""
+    points, allowed = result["points"], LEVELS[level]
+    best = points[result["cheapest"][level]]
+    needed, gains = [], []
+    for knob in result["knobs"]:
+        field, name = knob["field"], knob["name"]
+        value, default = best["settings"][field], result["default"][field]
+        if value == default:
+            continue
+        twin = next((p for p in points if p["settings"] == {**best["settings"], field: default}), None)
+        others = [p for p in points if p["settings"][field] == default]
+        if twin and twin["bound"] is not None:
+            if twin["bound"] > allowed:
+                needed.append(f"{name} {_value(value)} (with {_value(default)} {100 * twin['error']:.2g} %)")
+            else:
+                gains.append((twin["cpu"] / best["cpu"], name, value, default))
+        elif field == result["group"] and all(p["bound"] is None or p["bound"] > allowed for p in others):
+            needed.append(f"{name} {_value(value)} (none with {_value(default)} gets there)")
+    if needed:
+        return f"Within {_percent(level)} it takes {' and '.join(needed)}."
+    if gains and max(g[0] for g in gains) >= 1.2:
+        ratio, name, value, default = max(gains, key=lambda g: g[0])
+        return (
+            f"The knob that pays most is {name}: within {_percent(level)}, {_value(value)} is {ratio:.2g} times as "
+            f"cheap as {_value(default)}."
+        )
+    return ""
+
+
+def short(settings: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    """Return a point's settings in few words: what the study is about, and what is not as by default."""
+    always = {result["group"], "mesh.level", "dt"}
+    words = [
+        _word(knob, settings[knob["field"]])
+        for knob in result["knobs"]
+        if len(knob["values"]) > 1
+        and (knob["field"] in always or settings[knob["field"]] != result["default"][knob["field"]])
+    ]
+    return ", ".join(words)
+
+
+def _word(knob: Mapping[str, Any], value: Any) -> str:
+    text = _value(value)
+    return text if isinstance(value, str) and value not in {"off", "auto"} else f"{knob['name']} {text}"
+
+
+def _value(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _levels(levels: Sequence[str]) -> str:
+    """Return accuracies in words, such as `10, 5 and 1 %`."""
+    *first, last = [level.rstrip("%") for level in levels]
+    return f"{', '.join(first)} and {last} %" if first else f"{last} %"
+
+
+def _percent(level: str) -> str:
+    return level.replace("%", " %")
+
+
+def _unit(cpu: str) -> str:
+    return "CPU " + cpu

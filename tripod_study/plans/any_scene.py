@@ -1,0 +1,436 @@
+"""Any scene as it is described: its schemes, steps, elements and refined meshes against the finest that time allows.
+
+The reference is the scene on its mesh refined as often as the budget allows, by the scheme of the highest order that it
+takes, in steps of 1/32 of its dt. What that itself may err is told by the same with half the refinement and twice the
+step: where it is large, as in a motion that no step can follow, the study says so and promises little.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tripod_host.arrays import FloatArray
+from tripod_sim.effects.contact import contact_of
+from tripod_sim.effects.inertia import EXPLICIT
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.described import described_mesh, element_of
+from tripod_sim.scene import Scene
+from tripod_sim.scene_file import load_scene, value_of
+from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.script import script_of
+from tripod_sim.simulation import Simulation
+from tripod_study.accuracy.studied import studied
+from tripod_study.motion import Watch, motion, scene_of
+from tripod_study.plan import Plan, Point, Quantity, Settings, Value, always, grid, points_of
+from tripod_study.task import Measured
+
+FILE, STATE, INTERVAL, SAMPLES = "scene.file", "scene.state", "watch.interval", "watch.samples"
+"""What a task is told besides fields: the scene, a digest of its files, and when it is looked at [s]."""
+
+LOOKS, PROBES = 20, 200
+"""Instants at which a motion is looked at, and nodes of a body, at most."""
+
+LONGEST = 1e4
+"""Of a motion [s]."""
+
+STEPS, QUICK_STEPS = (2.0, 1.0, 0.5, 0.25, 0.125), (1.0, 0.5)
+"""Steps of the points over the scene's dt."""
+
+SHORTEST = 20
+"""Steps of the scene that a quick study shortens a motion to, at least."""
+
+FINEST, QUICK_FINEST = 32, 8
+"""The scene's dt over the step of the reference; half of it is the other rung."""
+
+BUDGET, QUICK_BUDGET = 600.0, 30.0
+"""CPU time that the finest rung may take, as roughly estimated [s]."""
+
+LIMIT = 2400.0
+"""Wall time after which a point is given up, on a machine with other things to do, too [s]."""
+
+MESHES = "A finer mesh would take too long, so the error of the mesh is not included in these figures."
+BODIES = "Meshes of [[body]] are not refined, so their error is not included in these figures."
+
+LEFT_OUT = "; without the error of the mesh"
+"""What errors are of, then: whoever picks a setting by them reads that, too."""
+
+SOLVE, GROWTH, TOUCHING = 1.2e-6, 1.35, 10.0
+"""About the time of a step with TR-BDF2 and Newton's method [s]: SOLVE times the unknowns to this power; with contact
+so many times as long."""
+
+FINE = 1e-7
+"""Unbalanced force that the reference is solved to, unless the scene asks for less [N]: rounding is not far below."""
+
+MOST = 60_000
+"""Unknowns of the reference: beyond, factors may take more memory than a machine has."""
+
+ELEMENTS = {"h8_modes": ("h20", "h8_mean"), "h8_mean": ("h8_modes",), "h8": ("h8_modes",), "t4": ("t10",)}
+"""What is tried instead of an element: those whose corners are its nodes."""
+
+UNSAFE = re.compile(r"[^A-Za-z0-9_-]+")
+"""Characters of a scene's name that its study's files do not have."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scene to be studied, as a user names it.
+
+    Attributes:
+        scene: Name of a shipped scene or path of a scene file.
+        overrides: Words `dotted.path=value`.
+        servo, slide: As `timeline.joint_timelines` reads them; None: the scene's own motion.
+        duration: Of the motion [s]; None: until the servos have moved, else as the scene says.
+    """
+
+    scene: str
+    overrides: Sequence[str] = ()
+    servo: str | None = None
+    slide: str | None = None
+    duration: float | None = None
+
+
+def plan(subject: Subject, *, quick: bool) -> Plan:
+    """Return the study of a scene; `quick`: few points, against a coarser reference.
+
+    Raises:
+        SceneError: anything wrong with the scene, or nothing in it moves.
+    """
+    shipped = load_scene(subject.scene, subject.overrides)
+    script_of(shipped, subject.servo, subject.slide)
+    base = dict(map(_given, subject.overrides))
+    if subject.servo is not None or subject.slide is not None:
+        base["motion.servo"] = subject.servo or _held(shipped)
+        if subject.slide is not None or shipped.motion:
+            base["motion.slide"] = subject.slide or ""
+    if shipped.time_error:
+        base |= {"time_error": "off", "dt": shipped.dt}
+    made = scene_of(subject.scene, base)
+    script = script_of(made)
+    _check_moves(made, moved=bool(script))
+    duration = subject.duration
+    if duration is None:
+        duration = script.end if script.end > 0 else made.duration
+    if not made.dt <= duration <= LONGEST:
+        raise SceneError(
+            f"the duration is {duration:g} s; allowed: {made.dt:g} s (one step) to {LONGEST:g} s"
+        )
+    default = _default(made)
+    base = {field: value for field, value in base.items() if field not in default}
+    tries = _Tries(subject.scene, {**base, "duration": duration}, made)
+    whole = duration
+    if quick and subject.duration is None and made.inertia:
+        while duration > SHORTEST * made.dt and not _affordable(tries, default, duration):
+            duration /= 2
+    widest = STEPS[0] * made.dt
+    interval = widest * max(1, round(duration / LOOKS / widest))
+    samples = max(1, round(duration / interval))
+    base["duration"] = interval * samples
+    rungs = _rungs(tries, default, interval * samples, quick=quick)
+    given: dict[str, Value] = {
+        FILE: _place(subject.scene),
+        STATE: _state(subject.scene),
+        INTERVAL: interval,
+        SAMPLES: samples,
+    }
+    left_out = _left_out(made, default, rungs[-1])
+    quantities = _quantities(made, interval * samples, LEFT_OUT if left_out else "")
+    shorter = (
+        f"Only the first {interval * samples:.2g} s of the motion ({whole:.3g} s) are studied; leave out --quick for "
+        "all of it."
+    )
+    note = " ".join(filter(None, (shorter if duration < whole else "", left_out)))
+    return Plan(
+        name=UNSAFE.sub("_", made.name)[:60] + ("" if len(base) == 1 else f"_{_digest(base)}"),
+        title=f"{made.name}: {made.description or 'a scene of its own'}",
+        scene=made.name,
+        module=__name__,
+        version=1,
+        base=base,
+        default=default,
+        points=_points(tries, default, rungs[-1], quick=quick),
+        quantities=quantities,
+        references=(always(rungs),),
+        group="inertia.scheme" if "inertia.scheme" in default else next(iter(default)),
+        quick=quick,
+        order_knob="dt" if made.inertia and not quick else "",
+        order_quantity=quantities[0].name,
+        limit=LIMIT,
+        note=note,
+        given=given,
+        studied=studied(load_scene(subject.scene), default),
+    )  # fmt: skip
+
+
+def task(settings: Settings) -> Measured:
+    """Run the motion; cost: CPU time of a simulated second."""
+    fields = {k: v for k, v in settings.items() if k not in (FILE, STATE, INTERVAL, SAMPLES)}
+    source, interval = str(settings[FILE]), float(settings[INTERVAL])
+    scene = scene_of(source, fields)
+    script = script_of(scene)
+
+    first: dict[str, list[float]] = {}
+
+    def watch(simulation: Simulation) -> Watch:
+        probes = _probes(simulation, source, json.dumps(fields))
+        first.update(
+            _seen(simulation, probes)
+        )  # how far it goes is counted from the start, in one static step, too
+        return lambda: _seen(simulation, probes)
+
+    command = None
+    joints = joints_of(scene)
+    if joints and script:
+        command = partial(script.joints, joints.start)
+    measured = motion(script.started(scene), interval * int(settings[SAMPLES]), interval, watch, command)
+    measured.observed = {name: [first[name], *rows] for name, rows in measured.observed.items()}
+    return measured
+
+
+# what is looked at ----------------------------------------------------------------------------------------------------
+
+
+def _quantities(scene: Scene, duration: float, left_out: str = "") -> tuple[Quantity, ...]:
+    """Return what is compared, what matters most first.
+
+    Args:
+        scene: As it is.
+        duration: Of the motion [s]: of a longer one the errors, which may grow, are not known.
+        left_out: Words on errors of the soft body.
+    """
+    worst = f"the worst instant of {duration:g} s"
+    found = [
+        Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, {worst}{left_out}")
+        for m in scene.marker
+    ]
+    if effector_of(scene):
+        found.append(Quantity("effector", "m", f"position of the effector, {worst}{left_out}"))
+    if scene.ball:
+        found.append(Quantity("ball", "m", f"position of the ball, {worst}{left_out}"))
+    if _soft(scene):
+        what = f"positions of the body's nodes, root mean square, {worst}{left_out}"
+        found.append(Quantity("body", "m", what, measure="rms"))
+    if scene.rigid:
+        what = f"positions of the rigid bodies, root mean square, {worst}"
+        found.append(Quantity("rigid", "m", what, measure="rms"))
+    return tuple(found)
+
+
+def _left_out(scene: Scene, default: Settings, finest: Settings) -> str:
+    """Return why what meshes err is not in the figures; empty where it is."""
+    if any(body.mesh for body in scene.body):
+        return BODIES
+    return MESHES if scene.mesh and finest["mesh.refine"] == default["mesh.refine"] else ""
+
+
+def _seen(simulation: Simulation, probes: NDArray[np.int64]) -> dict[str, list[float]]:
+    """Return what `_quantities` compares."""
+    scene = simulation.scene
+    places = zip(scene.marker, simulation.markers, strict=True)
+    found: dict[str, list[float]] = {f"marker {m.set}": place.tolist() for m, place in places}
+    if simulation.effector:
+        found["effector"] = simulation.effector.position.tolist()
+    if scene.ball and simulation.ball:
+        found["ball"] = simulation.ball.position.tolist()
+    if _soft(scene):
+        found["body"] = simulation.positions[probes].ravel().tolist()
+    if scene.rigid:
+        found["rigid"] = [float(c) for pose in simulation.rigid for c in pose.position]
+    return found
+
+
+def _probes(simulation: Simulation, source: str, fields: str) -> NDArray[np.int64]:
+    """Return the nodes that stand for the body: those that its mesh has however it is refined."""
+    scene = simulation.scene
+    nodes = simulation.mesh.nodes
+    if not scene.mesh:
+        count = len(nodes) if _soft(scene) else 0
+        return np.unique(np.linspace(0, count - 1, min(count, PROBES)).round().astype(np.int64))
+    places = _corners(source, fields)
+    distance, found = cKDTree(nodes).query(places)
+    if distance.max() > 1e-6 * np.ptp(places, axis=0).max():
+        raise SceneError(
+            "the mesh does not contain the nodes of the coarsest one, so their motions cannot be "
+            "compared; use meshes that refine each other"
+        )
+    return np.asarray(found, dtype=np.int64)
+
+
+@cache
+def _corners(source: str, fields: str) -> FloatArray:
+    """Return corners of the scene's mesh as it is [m], shape (k, 3)."""
+    own = {k: v for k, v in json.loads(fields).items() if k not in ("mesh.element", "mesh.refine")}
+    described = scene_of(source, own).mesh
+    assert described
+    mesh = described_mesh(described)
+    corners = np.unique(np.asarray(mesh.elements)[:, : mesh.kind.corners])
+    some = np.unique(np.linspace(0, len(corners) - 1, min(len(corners), PROBES)).round().astype(np.int64))
+    return np.asarray(mesh.nodes[corners[some]])
+
+
+# what is run ----------------------------------------------------------------------------------------------------------
+
+
+class _Tries:
+    """Which settings a scene takes, about what a step costs with them, and the force to which it is solved [N]."""
+
+    def __init__(self, source: str, base: Settings, made: Scene) -> None:
+        self._source, self._base, self.made = source, base, made
+        simulation = Simulation(made)
+        self._unknowns, self.tolerance = simulation.unknowns, simulation.solver.tolerance
+
+    def takes(self, settings: Settings) -> bool:
+        """Return whether the scene can be described so."""
+        try:
+            scene_of(self._source, {**self._base, **settings})
+        except SceneError:
+            return False
+        return True
+
+    def unknowns(self, settings: Settings) -> int:
+        """Return about how many there are."""
+        first = self.made.mesh.refine if self.made.mesh else 0
+        return self._unknowns * 8 ** (int(settings.get("mesh.refine", first)) - first)
+
+    def cost(self, settings: Settings) -> float:
+        """Return about what a step costs [s]. It is not measured: a study that is resumed must be the same one."""
+        return float(SOLVE * self.unknowns(settings) ** GROWTH * (TOUCHING if contact_of(self.made) else 1.0))
+
+
+def _default(scene: Scene) -> dict[str, Value]:
+    """Return the values of the knobs in the scene."""
+    found: dict[str, Value] = {}
+    if scene.mesh:
+        found |= {"mesh.element": element_of(scene.mesh), "mesh.refine": scene.mesh.refine}
+    if scene.inertia:
+        found["inertia.scheme"] = scene.inertia.scheme if scene.inertia.scheme != "auto" else "implicit_euler"
+    found["dt"] = scene.dt
+    if _soft(scene):
+        found["solver.mode"] = scene.solver.mode
+    return found
+
+
+def _affordable(tries: _Tries, default: Settings, duration: float) -> bool:
+    """Return whether a quick study can have a reference for so much of the motion [s]."""
+    try:
+        _rungs(tries, default, duration, quick=True)
+    except SceneError:
+        return False
+    return True
+
+
+def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) -> tuple[Settings, ...]:
+    """Return the settings that converge, coarse to fine."""
+    made, budget = tries.made, QUICK_BUDGET if quick else BUDGET
+    tolerance = min(tries.tolerance, max(tries.tolerance / 100, FINE))
+    fine: dict[str, Value] = {**default, "solver.tolerance": tolerance}
+    if "solver.mode" in default:
+        fine["solver.mode"] = "newton"
+    if made.inertia:
+        schemes = ("tr_bdf2", "bdf2", "implicit_euler", made.inertia.scheme)
+        fine["inertia.scheme"] = next(s for s in schemes if tries.takes({**fine, "inertia.scheme": s}))
+    most, first = QUICK_FINEST if quick else FINEST, made.mesh.refine if made.mesh else 0
+    for parts in dict.fromkeys((most, 8)):
+        steps = duration / made.dt * (parts if made.inertia else 1)
+        for refine in range(3 if made.mesh else 0, first - 1, -1):
+            dt = made.dt / (parts if made.inertia else 1)
+            rung = {**fine, "dt": dt} | ({"mesh.refine": refine} if made.mesh else {})
+            if steps * tries.cost(rung) > budget or tries.unknowns(rung) > MOST:
+                continue
+            coarse = {**rung, "dt": 2 * dt if made.inertia else dt}
+            if made.mesh:
+                coarse["mesh.refine"] = max(first, refine - 1)
+            if coarse == rung:  # statics on the only mesh: what is left is the tolerance
+                coarse["solver.tolerance"] = 10 * tolerance
+            return (coarse, rung)
+    seconds = duration / made.dt * 8 * tries.cost(fine)
+    raise SceneError(
+        f"a reference of {made.name!r} would take {seconds:.0f} s; at most {budget:g} s are spent on it: shorten the "
+        "motion (--duration), coarsen the mesh" + (", or leave out --quick" if quick else "")
+    )
+
+
+def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) -> tuple[Point, ...]:
+    """Return what is run: steps and schemes on the scene's mesh, some on finer ones, other elements."""
+    made = tries.made
+    steps = [made.dt * share for share in (QUICK_STEPS if quick else STEPS)]
+    schemes: list[str] = []
+    if made.inertia:
+        few, more = ("implicit_euler", "tr_bdf2"), ("implicit_euler", "bdf2", "tr_bdf2")
+        schemes = [*(few if quick else more)]
+        if not (made.mesh or quick):
+            schemes += [s for s in EXPLICIT if s != "explicit_euler"]
+        schemes = list(dict.fromkeys([str(default["inertia.scheme"]), *schemes]))
+    best = {**default} | ({"inertia.scheme": finest["inertia.scheme"]} if made.inertia else {})
+    points = grid(default, **({"inertia__scheme": schemes, "dt": steps} if made.inertia else {"dt": steps}))
+    if "solver.mode" in default:
+        points += grid(default, solver__mode=("newton", "one_solve"))
+    if made.mesh:
+        finer = range(made.mesh.refine + 1, int(finest.get("mesh.refine", 0)))
+        for one in (default, best):
+            points += grid(one, mesh__refine=list(finer), dt=steps[:2])
+        if not quick:
+            points += grid(best, mesh__element=ELEMENTS.get(str(default["mesh.element"]), ()), dt=steps[1:3])
+    kept = [p for p in points if tries.takes(p.settings)]
+    return points_of(default, kept, "the scene as it is")
+
+
+def _check_moves(scene: Scene, *, moved: bool) -> None:
+    """Raise SceneError if nothing in a scene moves, so that there is nothing to compare."""
+    if moved or scene.prescribed or scene.load:
+        return
+    if not scene.inertia:
+        raise SceneError(
+            f"scene {scene.name!r} is static and no servo moves, so there is nothing to study; give a "
+            "motion with --servo, or [motion] in the scene"
+        )
+    if joints_of(scene) and not (scene.ball or scene.rigid):
+        raise SceneError(
+            f"scene {scene.name!r} starts at rest and no servo moves, so there is nothing to study; give "
+            "a motion with --servo, or [motion] in the scene"
+        )
+
+
+def _soft(scene: Scene) -> bool:
+    """Return whether a scene has a soft body."""
+    return bool(scene.mesh or scene.springs or scene.body)
+
+
+# names ----------------------------------------------------------------------------------------------------------------
+
+
+def _held(scene: Scene) -> str:
+    """Return the servo script that leaves the angles of the scene."""
+    joints = joints_of(scene)
+    if not joints:
+        raise SceneError(f"--slide: scene {scene.name!r} has no servos; leave it out")
+    return "0: " + ", ".join(f"{arm.angle!r}" for arm in joints.arms)
+
+
+def _given(word: str) -> tuple[str, Value]:
+    """Return field and value of an override; of what is no number or word its text."""
+    field, _, text = (part.strip() for part in word.partition("="))
+    value = value_of(text)
+    return field, value if isinstance(value, str | float | int) else text
+
+
+def _place(source: str) -> str:
+    """Return the source so that a process elsewhere finds it."""
+    return str(Path(source).absolute()) if source.endswith(".toml") else source
+
+
+def _state(source: str) -> str:
+    """Return a digest of the scene and of the files it names."""
+    scene = load_scene(source)
+    return hashlib.sha256((repr(scene) + studied(scene, ())).encode()).hexdigest()[:16]
+
+
+def _digest(base: Settings) -> str:
+    return hashlib.sha256(json.dumps(dict(base), sort_keys=True).encode()).hexdigest()[:6]
