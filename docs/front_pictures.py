@@ -23,7 +23,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.ticker import FixedLocator, NullLocator
 
-import tripod_sim
+import tripod_study
 from tripod_sim import Simulation, load_scene
 from tripod_study.recording import Recording
 from tripod_study.run import run
@@ -31,7 +31,7 @@ from tripod_view.player.of_run import film_of
 from tripod_view.player.picture import Painter
 
 IMAGES = Path(__file__).parent / "images"
-STORED = Path(tripod_sim.__file__).parent
+STORED = Path(str(tripod_study.__file__)).parent
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import tripod_sim
+import tripod_study
 from tests.messages import assert_names, names, raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects import EFFECTS, words
@@ -25,7 +25,7 @@ from tripod_study.summary.stability import stability, stability_lines
 
 STILL = np.zeros(4)
 
-STUDIES = Path(tripod_sim.__file__).parent / "studies"
+STUDIES = Path(str(tripod_study.__file__)).parent / "studies"
 
 
 def run(scene: str, steps: int, *overrides: str, joints: object = None) -> tuple[Simulation, EnergyBooks]:
