@@ -1,0 +1,138 @@
+"""Imports inside tripod_sim point down through its rooms, and packages form no circle (docs/architecture.md)."""
+
+import re
+from collections import Counter
+from functools import cache
+
+import pytest
+
+from tests.test_layers import ROOT, imports, modules, package_of
+
+ROOMS = {
+    "base": ("errors", "copied", "kernel_cache", "array_kernels", "rotation_kernels", "system_kernels"),
+    "linear": ("linear",),
+    "elements": ("elements",),
+    "materials": ("materials",),
+    "tables": ("tables", "joints", "effect", "scene_lines", "scene_short", "timeline", "node_sets"),
+    "mesh": ("mesh",),
+    "constraints": ("constraints",),
+    "forces": ("forces",),
+    "robot": ("robot",),
+    "ball": ("ball",),
+    "state": ("state",),
+    "system": ("system",),
+    "integrators": ("integrators",),
+    "maze": ("maze",),
+    "effects": ("effects",),
+    "response": ("response", "rest_state", "softness", "compliance"),
+    "scene": ("scene", "scene_checks", "scene_file", "script", "description"),
+    "springs": ("springs",),
+    "bodies": ("bodies",),
+    "steps": ("steppers", "parts", "solved_to"),
+    "contact": ("contact",),
+    "build": ("build", "proportions"),
+    "mesh_error": ("mesh_error",),
+    "simulation": ("simulation",),
+}
+"""The rooms of tripod_sim with their files and folders, from the lowest: a room may import those before it."""
+
+UPWARD = {
+    "ball -> effects": 1,
+    "effects -> bodies": 2,
+    "effects -> contact": 1,
+    "forces -> effects": 1,
+    "forces -> springs": 3,
+    "integrators -> contact": 3,
+    "integrators -> effects": 2,
+    "integrators -> springs": 2,
+    "integrators -> steps": 3,
+    "materials -> tables": 1,
+    "maze -> effects": 3,
+    "mesh -> forces": 1,
+    "response -> contact": 1,
+    "robot -> effects": 1,
+    "springs -> contact": 4,
+    "springs -> steps": 3,
+    "state -> contact": 1,
+    "state -> integrators": 1,
+    "steps -> contact": 1,
+    "tables -> constraints": 2,
+    "tables -> effects": 2,
+    "tables -> forces": 3,
+}
+"""Imports that still point up, inside functions and for types included; these numbers only fall."""
+
+
+@cache
+def room_of(module: str) -> str:
+    """Return the room of a module of tripod_sim; the package itself is above all."""
+    first = module.split(".")[1] if "." in module else ""
+    return next((room for room, names in ROOMS.items() if first in names), "")
+
+
+def upward(found: dict[str, frozenset[str]]) -> list[tuple[str, str]]:
+    """Return the imports of a module of tripod_sim from a room above its own, of modules with their imports."""
+    order = list(ROOMS)
+    return [
+        (module, target)
+        for module, targets in found.items()
+        for target in sorted(targets)
+        if room_of(module) and room_of(target)
+        if order.index(room_of(module)) < order.index(room_of(target))
+    ]
+
+
+def of_simulator() -> dict[str, frozenset[str]]:
+    mine = {m for m in modules() if m.startswith("tripod_sim.")}
+    return {m: imports(m) & mine - {m.rsplit(".", n)[0] for n in (1, 2)} for m in mine}
+
+
+def test_every_module_is_in_one_room() -> None:
+    names = [name for room in ROOMS.values() for name in room]
+    assert len(names) == len(set(names))
+    assert {m.split(".")[1] for m in modules() if m.startswith("tripod_sim.")} == set(names)
+
+
+def test_no_import_points_up_but_those_known() -> None:
+    found = upward(of_simulator())
+    counts = Counter(f"{room_of(a)} -> {room_of(b)}" for a, b in found)
+    more = [
+        f"{a} -> {b}" for a, b in found if counts[p := f"{room_of(a)} -> {room_of(b)}"] > UPWARD.get(p, 0)
+    ]
+    assert not more, "\n".join(more)
+    assert counts == UPWARD, "fewer than before: lower the numbers in UPWARD"
+
+
+def test_an_import_that_points_up_is_found() -> None:
+    wrong = {"tripod_sim.linear.ldl": frozenset({"tripod_sim.simulation", "tripod_sim.errors"})}
+    assert upward(wrong) == [("tripod_sim.linear.ldl", "tripod_sim.simulation")]
+
+
+def circles(arrows: dict[str, set[str]]) -> set[str]:
+    """Return the nodes of a directed graph that are on a circle."""
+    left = {node: set(targets) - {node} for node, targets in arrows.items()}
+    while ends := [node for node, targets in left.items() if not targets & left.keys()]:
+        for node in ends:
+            del left[node]
+    return set(left)
+
+
+def test_packages_form_no_circle() -> None:
+    arrows = {package_of(m): set[str]() for m in modules()}
+    for module in modules():
+        arrows[package_of(module)] |= {package_of(target) for target in imports(module)}
+    assert circles(arrows) == set()
+
+
+@pytest.mark.parametrize("back", ["tripod_sim", "tripod_study"])
+def test_a_circle_of_packages_is_found(back: str) -> None:
+    arrows = {"tripod_sim": set[str](), "tripod_study": {"tripod_sim"}, "tripod_runtime": {"tripod_study"}}
+    assert circles(arrows) == set()
+    assert {back, "tripod_runtime"} <= circles({**arrows, back: {*arrows[back], "tripod_runtime"}})
+
+
+def test_the_page_of_the_architecture_has_the_same_order() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rooms = re.search(r"from the lowest:\n\n```\n(.*?)```", text, re.S)
+    assert rooms
+    assert rooms[1].split() == list(ROOMS)
