@@ -6,9 +6,8 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
-from tripod_sim.effects.fixed import Fixed
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.tables.sets import NodeSet
+from tripod_sim.tables.sets import NodeSet, Vector
 
 ALL = "all"
 """The set of all nodes, which no table has to define."""
@@ -114,11 +113,17 @@ class NodeSets:
             known = ", ".join(sorted(self._found))
             raise SceneError(f"{field} is {shown(name)}{hint}; sets and groups of the mesh: {known}")
 
-    def held(self, table: Fixed, field: str) -> IndexArray:
-        """Return the nodes of a fixed region: of its set, or in its box. Raises SceneError, which names `field`."""
-        if table.set:
-            return self.nodes(table.set, f"{field}.set")
-        return self.inside(NodeSet(field, low=table.low, high=table.high), field)
+    def held(self, name: str, low: Vector | None, high: Vector | None, field: str) -> IndexArray:
+        """Return the nodes of a fixed region: of the set `name` or, if that is empty, in a box.
+
+        Args:
+            name: Of the set.
+            low, high: Corners of the box [m], undeformed.
+            field: Of the scene, which a SceneError names.
+        """
+        if name:
+            return self.nodes(name, f"{field}.set")
+        return self.inside(NodeSet(field, low=low, high=high), field)
 
     def inside(self, table: NodeSet, where: str) -> IndexArray:
         """Return the nodes of a table, ascending. Raises SceneError, which begins with `where`, if there are none."""

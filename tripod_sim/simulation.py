@@ -28,7 +28,7 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
-from tripod_sim.tables.unread import unread
+from tripod_sim.unread import unread
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSystem

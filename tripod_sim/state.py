@@ -10,8 +10,8 @@ from tripod_sim.copied import Copied
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
-    from tripod_sim.contact.rigid_state import RigidState
     from tripod_sim.integrators.time_error import ErrorState
+    from tripod_sim.rigid_state import RigidState
     from tripod_sim.robot.servo import ServoState
 
 

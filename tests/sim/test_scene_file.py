@@ -38,7 +38,7 @@ from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import Marker, NodeSet
-from tripod_sim.tables.unread import unread
+from tripod_sim.unread import unread
 
 EMIO, BEAM = (
     str(Path(__file__).parents[2] / "examples" / f"{name}.toml") for name in ("emio", "silicone_beam")

@@ -6,8 +6,8 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.bodies import Body
-from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.integrators.looking_back import Memory, Stage
+from tripod_sim.rigid_state import RigidState
 
 
 class RigidBodies(Body):

@@ -8,9 +8,9 @@ import numpy as np
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
 from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
-from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.mesh.read_surface import read_surface
+from tripod_sim.rigid_state import RigidState
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import rigids_of
 from tripod_sim.tables.bodies import Rigid

@@ -8,10 +8,10 @@ from numba import njit
 from tripod_host.arrays import Array, FloatArray
 from tripod_sim.contact.distance_kernels import point_triangle
 from tripod_sim.contact.rigid_set import RigidSet
-from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.contact.start import height_that_frees, passing, winding
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
+from tripod_sim.rigid_state import RigidState
 
 
 def overlaps(one: Part, other: Part) -> bool:

@@ -81,7 +81,7 @@ def placed_bodies(assembly: Assembly, sets: NodeSets, scene: Scene, contact: Con
     Raises SceneError if one passes through an obstacle or another body, and may or can not be lifted.
     """
     obstacles, moves = obstacle_parts(scene), dict[int, FloatArray]()
-    fixed = [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
+    fixed = [sets.held(table.set, table.low, table.high, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
     fixed += [b.nodes[b.net.fixed] for b in assembly.bodies if b.net]
     fixed += [sets.nodes(table.set, f"prescribed.{i}.set") for i, table in enumerate(scene.prescribed)]
     held = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *fixed]))

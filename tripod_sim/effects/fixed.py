@@ -38,7 +38,7 @@ def check(tables: tuple[Fixed, ...], scene: Described) -> None:
 def hold(tables: tuple[Fixed, ...], draft: Draft) -> None:
     """Name the fixed nodes."""
     draft.fixed += [
-        Holding(f"fixed.{i}", draft.sets.held(table, f"fixed.{i}"), table.axes)
+        Holding(f"fixed.{i}", draft.sets.held(table.set, table.low, table.high, f"fixed.{i}"), table.axes)
         for i, table in enumerate(tables)
     ]
 

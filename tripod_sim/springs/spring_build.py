@@ -98,7 +98,7 @@ def spring_body(scene: Scene, description: Springs) -> SpringBody:
     """Return the body that `description` and the fixed regions of `scene` describe. Raises SceneError."""
     body = spring_net(description)
     sets = NodeSets(scene.set, body.nodes, {}, {FIRST: np.arange(len(body.nodes))})
-    held = [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
+    held = [sets.held(table.set, table.low, table.high, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
     if held:
         fixed = np.unique(np.concatenate([body.fixed, *held]))
         if len(fixed) == len(body.nodes):
