@@ -25,7 +25,7 @@ from doc_parts import markdown, read_rows, write_part, write_rows
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
-from tripod_sim.effects.inertia import EXPLICIT
+from tripod_sim.integrators.schemes import EXPLICIT
 
 WORKING = (-1.4965, -1.4965, -1.4965, 0.035)
 

@@ -15,9 +15,10 @@ from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.element_inertia import ElementInertia, ElementMasses, lacking
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
+from tripod_sim.integrators.implicit import ImplicitSteps
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.schemes import ImplicitScheme
+from tripod_sim.integrators.schemes import SCHEMES
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.integrators.substeps import Substeps, halving
 from tripod_sim.materials.lame import lame_constants
@@ -168,5 +169,5 @@ def block(
     terms = [gravity, inertia, *(ElementInertia(m, inertia) for m in masses)]
     system = System(nodes, [solid], groups, terms, damped=True)
     stage = ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0])
-    stepper = halving(ImplicitScheme(scheme, stage), 8)
+    stepper = halving(ImplicitSteps(SCHEMES[scheme], stage), 8)
     return Block(mesh, solid, inert, masses, gravity, system.start_state(np.zeros(1)), stepper, dt)

@@ -13,10 +13,10 @@ from tests.scenes import SHARP
 from tripod_host.arrays import FloatArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import Groups
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import quasi_static_steps
+from tripod_sim.integrators.schemes import EXPLICIT
 from tripod_sim.system import System
 
 NAME, MODULE = "tripod", "tripod_sim"

@@ -5,7 +5,6 @@ Each check raises SceneError with one line.
 
 from tripod_sim.effect import Effect
 from tripod_sim.effects import has
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.materials.law import check
 from tripod_sim.scene_short import field_of, rigids_of, servo_tables, soft_bodies
@@ -149,7 +148,7 @@ def _check_servo(scene: Described) -> None:
 
 def _check_platform(scene: Described) -> None:
     """Raise SceneError if platforms are described wrongly, or are with what knows nothing of them."""
-    explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
+    explicit = scene.inertia is not None and scene.inertia.explicit
     beside = {"contact": scene.contact, "ball": scene.ball, "an explicit inertia.scheme": explicit}
     for i, platform in enumerate(scene.platform):
         if not platform.hold:

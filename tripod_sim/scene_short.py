@@ -43,6 +43,7 @@ def springs_alone(scene: Described) -> bool:
     """Return whether one body of springs is all, with nothing that the compiled loops of `springs` do not know."""
     alone = scene.springs is not None and len(soft_bodies(scene)) == 1
     known = all(effect.springs for effect in scene.effects.values())
+    known &= not scene.inertia or scene.inertia.integrator.has_one_length
     return alone and known and all(len(table.axes) == 3 for table in scene.fixed)
 
 

@@ -17,7 +17,6 @@ from tripod_sim.build import build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.effects.contact import contact_of
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -298,7 +297,7 @@ class Simulation:
                 )
                 self._stepper.step(self.state, turned, self.scene.dt)
         except StepError:
-            if not (self.scene.inertia and self.scene.inertia.scheme in EXPLICIT):
+            if not (self.scene.inertia and self.scene.inertia.explicit):
                 raise  # an explicit scheme beyond its limit is told of by the step itself
             keep.copy_to(self.state)
         system = self._system
@@ -675,7 +674,7 @@ class Simulation:
         if not isinstance(self._system, System):
             raise SceneError("the force on a set is known for solids only, and this body is of springs")
         forces = self._held_by[nodes]
-        if self.scene.inertia and self.scene.inertia.scheme in EXPLICIT:
+        if self.scene.inertia and self.scene.inertia.explicit:
             forces = forces * self._system.groups.held()[nodes]
         return forces.sum(axis=0), np.cross(self.state.positions[nodes], forces).sum(axis=0)
 

@@ -71,7 +71,7 @@ def _explicit_steps(draft: Draft, system: System, drag: float) -> "ExplicitSteps
 
     scene, mass = draft.scene, draft.inert
     divide = scene.inertia.substeps == "auto"
-    stepper = ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, divide=divide)
+    stepper = ExplicitSteps(system, mass, scene.inertia.integrator, drag=drag, divide=divide)
     if not draft.bound:
         return stepper
     from tripod_sim.integrators.strain_limit import StrainLimited
@@ -88,23 +88,23 @@ def implicit_steps(
     mass: FloatArray,
 ) -> Substeps:
     """Return the implicit time integrator of a scene; all but the scene and the stage are as for `ErrorTransport`."""
-    from tripod_sim.integrators.schemes import ImplicitScheme
+    from tripod_sim.integrators.implicit import ImplicitSteps
 
     assert scene.inertia
     most, wanted = scene.solver.max_halvings, carried(scene)
-    mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
-    scheme = ImplicitScheme("tr_bdf2" if mixed else scene.inertia.scheme, stage)
+    scheme = scene.inertia.implicit
+    pair = scheme.pair if wanted is not None and wanted.steps == "auto" else None
+    steps = ImplicitSteps(pair[1] if pair else scheme, stage)
     if by_way(scene):
         stage.newton.keep_several()
     if not wanted:
-        return halving(scheme, most)
+        return halving(steps, most)
     from tripod_sim.integrators.time_error import ErrorTransport
 
     auto = wanted.steps == "auto"
-    scheme.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries)
+    steps.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries)
     if not auto:
-        return halving(scheme, most)
+        return halving(steps, most)
     from tripod_sim.integrators.added_error_control import AddedErrorControl
 
-    control = AddedErrorControl(scheme, most, wanted.tolerance, wanted.shortest, mixed=mixed)
-    return Substeps(scheme, control)
+    return Substeps(steps, AddedErrorControl(steps, most, wanted.tolerance, wanted.shortest, pair=pair))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tests.sim.implicit_schemes import scheme_of
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.surfaces import Part
@@ -34,7 +35,7 @@ def boxes_on_plate(
     inertia = np.tile(mass * 0.01 / 6 * np.eye(3), (n, 1, 1))
     bodies = RigidBodies(np.full(n, mass), inertia, np.array(centres), gravity)
     parts = [box([0.1, 0.1, 0.1]) for _ in range(n)]
-    return World(law, 3 * law.distance, scheme, obstacles=[plate()], rigid=(bodies, parts))
+    return World(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, parts))
 
 
 def ball_on(
@@ -49,7 +50,7 @@ def ball_on(
     inertia = 0.4 * mass * radius**2 * np.eye(3)[None]
     bodies = RigidBodies(np.array([mass]), inertia, np.array([centre]), np.array(gravity or [0, 0, -G]))
     ball = Part(np.zeros((1, 3)), rigid=True, radius=radius)
-    return World(law, 5 * law.distance, scheme, obstacles=[obstacle], rigid=(bodies, [ball]))
+    return World(law, 5 * law.distance, scheme_of(scheme), obstacles=[obstacle], rigid=(bodies, [ball]))
 
 
 def balls(

@@ -5,6 +5,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tests.scenes import SHARP
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.integrators import newton
 from tripod_sim.integrators.added_error_control import AddedErrorControl
@@ -13,7 +14,7 @@ from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.scene_file import scene_to_toml
 from tripod_study.run import run
 
-SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
+SCHEMES = IMPLICIT
 NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8", "mesh.level=1")
 
 

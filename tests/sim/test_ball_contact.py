@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.messages import assert_names, raises_naming
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_study.recording import Recording
 
@@ -213,7 +214,7 @@ def test_a_servo_s_top_stops_the_ball_and_its_side_pushes_it() -> None:
     assert x == pytest.approx(0.06 - 0.03 - 0.0059 - 0.004 - 1e-4, abs=1e-5)
 
 
-@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+@pytest.mark.parametrize("scheme", IMPLICIT)
 def test_what_lies_on_a_servo_s_top_rides_along_and_what_it_holds_passes_it(scheme: str) -> None:
     box = "rigid=[{size=[0.008, 0.008, 0.004], mass=1e-3, position=[0.06, 0.0, -0.02673]}]"
     words = ("mesh.level=1", f"inertia.scheme={scheme}", TOUCH)

@@ -5,6 +5,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tests.scenes import SHARP
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.forces.foundation import Foundation
@@ -67,7 +68,7 @@ def test_only_the_mesh_is_shown_and_the_mass_stays() -> None:
     assert simulation.positions.shape == simulation.mesh.nodes.shape
     assert len(simulation.state.positions) > len(simulation.positions)
     assert simulation._mass.sum() == pytest.approx(0.032)
-    for scheme in ("implicit_euler", "bdf2", "tr_bdf2"):
+    for scheme in IMPLICIT:
         moving = Simulation(load_scene(SHARP, ["mesh.level=1", "clamp={}", f"inertia.scheme={scheme}"]))
         for k in range(20):
             moving.step(np.array([-0.02 * k, 0, 0, 0]))

@@ -7,6 +7,7 @@ import pytest
 
 import tripod_sim
 from tests.messages import raises_naming
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, StepError, load_scene
 
 G, MU = 9.81, 0.4
@@ -48,7 +49,7 @@ CONTACT = "contact={{contact_distance=1e-4, alarm_distance=5e-4, tolerance=1e-4,
 PLANE = f"obstacles=[{{source='{SHAPES / 'plate.obj'}', position=[0,0,-1e-4]}}]"
 """At the contact distance below the block."""
 ROLLERS = 'fixed=[{low=[0,-1,-1], high=[0,1,1], axes="x"}, {low=[-1,0,-1], high=[1,0,1], axes="y"}]'
-MODES, SCHEMES = ("lagrange", "penalty"), ("implicit_euler", "bdf2", "tr_bdf2")
+MODES, SCHEMES = ("lagrange", "penalty"), IMPLICIT
 AREA, WEIGHT = EDGE**2, 4e-3 * G
 
 

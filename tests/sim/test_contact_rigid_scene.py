@@ -8,6 +8,7 @@ import pytest
 
 from tests.messages import assert_names
 from tests.sim.contact_scenes import assert_same_after_reset, refusal
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import Detector
@@ -93,7 +94,7 @@ def test_the_stack_rests_and_carries_its_weight(response: str) -> None:
     assert report.contact.force == pytest.approx(0.3 * G * (3 + 2 + 1), rel=1e-3)
 
 
-@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+@pytest.mark.parametrize("scheme", IMPLICIT)
 def test_what_the_fall_of_a_pressed_box_would_hide_is_met_and_does_not_bounce(scheme: str) -> None:
     """Without forces the lower box falls along, so that the upper one would not come near it within the step."""
     h, speed = 6e-3, 0.6

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
+from tests.sim.implicit_schemes import MULTISTEP, ORDERS, scheme_of
 from tests.tiers import sampled
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_build import obstacle_parts
@@ -20,7 +21,7 @@ from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.spring_build import spring_body, surface_part
 from tripod_sim.springs.spring_system import SpringSystem
 
-SCHEMES = ["bdf2", "tr_bdf2"]
+SCHEMES = MULTISTEP
 
 MODES = ["lagrange", "penalty"]
 
@@ -38,7 +39,7 @@ def top(scheme: str, steps: int) -> tuple[np.ndarray, np.ndarray, float]:
     bodies = RigidBodies(
         np.array([1.0]), 1e-3 * np.diag([1.0, 2.0, 3.0])[None], np.array([[0, 0, 10.0]]), np.array([0, 0, -G])
     )
-    world = World(Law(), 3e-3, scheme, obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])]))
+    world = World(Law(), 3e-3, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])]))
     bodies.velocity[0], bodies.spin[0] = [1.0, 0.0, 5.0], [1.0, 4.0, 1.0]
 
     def momentum() -> np.ndarray:
@@ -55,7 +56,7 @@ def top(scheme: str, steps: int) -> tuple[np.ndarray, np.ndarray, float]:
     )
 
 
-@pytest.mark.parametrize(("scheme", "expected"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
+@pytest.mark.parametrize(("scheme", "expected"), ORDERS)
 def test_a_tumbling_top_in_free_flight_has_the_order_of_the_scheme_and_keeps_its_angular_momentum(
     scheme: str, expected: int
 ) -> None:
@@ -73,7 +74,7 @@ def test_a_tumbling_top_in_free_flight_has_the_order_of_the_scheme_and_keeps_its
 def test_where_free_moves_show_a_hit_the_step_is_solved_once(scheme: str) -> None:
     distance, height, h = 1e-3, 0.1, 0.01
     world = World(
-        Law(distance=distance), 3e-3, scheme, obstacles=[plate()],
+        Law(distance=distance), 3e-3, scheme_of(scheme), obstacles=[plate()],
         rigid=(RigidBodies(np.ones(1), 1e-3 * np.eye(3)[None], np.array([[0, 0, 0.05 + distance + height]]),
                            np.array([0, 0, -G])), [box([0.1, 0.1, 0.1])]),
     )  # fmt: skip
@@ -126,7 +127,7 @@ def test_a_box_that_lands_in_short_steps_does_not_rebound(scheme: str) -> None:
     for share in np.linspace(0.0, 0.9, 7):
         h, height = 2e-4, 2e-3
         world = World(
-            Law(tolerance=1e-4, distance=1e-3), 3e-3, scheme, obstacles=[plate()],
+            Law(tolerance=1e-4, distance=1e-3), 3e-3, scheme_of(scheme), obstacles=[plate()],
             rigid=(RigidBodies(np.ones(1), 1e-3 * np.eye(3)[None], np.array([[0, 0, 0.051 + height + 3e-5 * share]]),
                                np.array([0, 0, -G])), [box([0.1, 0.1, 0.1])]),
         )  # fmt: skip
@@ -144,7 +145,7 @@ def test_a_rod_that_tumbles_fast_gains_no_energy(scheme: str) -> None:
     """It turns by 0.2 rad a step, about its length the most: the force of its spin taken as it begins would explode."""
     inertia = 1e-3 * np.diag([1.0, 20.0, 21.0])
     bodies = RigidBodies(np.array([1.0]), inertia[None], np.array([[0, 0, 10.0]]), np.zeros(3))
-    world = World(Law(), 3e-3, scheme, obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])]))
+    world = World(Law(), 3e-3, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])]))
     bodies.spin[0] = [20.0, 10.0, 4.0]
 
     def energy() -> float:
@@ -203,7 +204,7 @@ def pressed_mass(scheme: str, steps: int) -> tuple[float, int]:
     )
     part = Part(nodes, np.zeros((0, 3), dtype=np.int64), body.ends)
     soft = SpringNodes(SpringSystem(body, (0.0, 0.0, -G)))
-    world = World(law, 3 * law.distance, scheme, obstacles=[plate()], nodes=(soft, [part]))
+    world = World(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], nodes=(soft, [part]))
     soft.x[:], restarts = nodes, 0
     for _ in range(steps):
         report = world.step(0.3 / steps)
@@ -213,7 +214,7 @@ def pressed_mass(scheme: str, steps: int) -> tuple[float, int]:
     return float(soft.x[1, 2] - law.distance - length), restarts
 
 
-@pytest.mark.parametrize(("scheme", "expected"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
+@pytest.mark.parametrize(("scheme", "expected"), ORDERS)
 def test_what_keeps_pressed_moves_with_the_order_of_the_scheme(scheme: str, expected: int) -> None:
     """The force of the contact changes from m g to three times that; exact: (M g / k) (1 - cos w t)."""
     exact = -0.5 * G / 200.0 * (1 - np.cos(np.sqrt(200.0 / 0.5) * 0.3))
@@ -237,7 +238,7 @@ def slide(scheme: str, dt: float) -> tuple[float, float]:
     return float(world.rigid.centre[0, 0]), back
 
 
-@pytest.mark.parametrize(("scheme", "expected"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
+@pytest.mark.parametrize(("scheme", "expected"), ORDERS)
 def test_a_block_slides_to_its_stop_with_the_order_of_the_scheme_and_stays(
     scheme: str, expected: int
 ) -> None:
@@ -246,12 +247,12 @@ def test_a_block_slides_to_its_stop_with_the_order_of_the_scheme_and_stays(
     found = [slide(scheme, dt) for dt in steps]
     errors = [abs(way - 0.4**2 / (2 * 0.3 * G)) for way, _ in found]
     # where within a step it stops changes from one length to the next: over three halvings that matters little
-    assert order(errors).mean() == pytest.approx(expected, abs=0.1)
+    assert expected - 0.1 < order(errors).mean() < expected + 0.3
     assert errors[0] < (2.2e-3 if expected == 1 else 3e-4)
     assert max(back * dt for (_, back), dt in zip(found, steps, strict=True)) < 5.1e-5
 
 
-@pytest.mark.parametrize(("scheme", "expected"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
+@pytest.mark.parametrize(("scheme", "expected"), ORDERS)
 def test_friction_follows_a_slip_that_turns_with_the_order_of_the_scheme(scheme: str, expected: int) -> None:
     """On a slope, pushed across: v' = g_t - mu g_n v / |v|. Against the move it would lag by half a step."""
     mu, tilt, start, end = 0.3, np.radians(20), np.array([0.1, 0.6]), 0.1
@@ -367,7 +368,7 @@ def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, scheme
         np.array([0.3]), 1e-4 * np.diag([3.0, 9.0, 11.0])[None], np.array([[0.05, 0.02, 0.35]]), np.zeros(3)
     )
     world = World(
-        law, 3e-4, scheme, obstacles=[Part(thin.vertices, thin.triangles, fixed=True)],
+        law, 3e-4, scheme_of(scheme), obstacles=[Part(thin.vertices, thin.triangles, fixed=True)],
         rigid=(bodies, [box([0.1, 0.05, 0.02])]),
     )  # fmt: skip
     bodies.velocity[0], bodies.spin[0] = [0.03 * speed, 0, -speed], [3.0, 20.0, 5.0]
@@ -398,7 +399,8 @@ def test_a_cloth_of_a_tenth_of_a_millimetre_passes_nothing(response: str, scheme
         report = simulation.step()
         assert report.contact
         assert np.isfinite(simulation.positions).all()
-        straight = report.contact.parts == 1 and (scheme == "bdf2" or report.contact.restarted)
+        one = len(scheme_of(scheme).stages(1.0, 1.0)) == 1 or report.contact.restarted
+        straight = report.contact.parts == 1 and one
         assert not watch.found(simulation.positions, straight=straight)
         pressed = max(pressed, report.contact.pressed)
     assert pressed > 0
@@ -437,7 +439,8 @@ def test_a_cloth_within_its_strain_limit_is_caught(scheme: str) -> None:
     simulation = Simulation(
         load_scene("drape", [*words, "strain_limit.stretch=0.05", f"inertia.scheme={scheme}"])
     )
-    body = simulation._parts.system.body  # type: ignore[union-attr]
+    scene = simulation.scene
+    body = spring_body(scene, scene.springs)
     for _ in range(60):
         report = simulation.step()
         x = simulation.positions

@@ -17,7 +17,7 @@ from tripod_sim.contact.solid_build import surfaces
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.integrators.looking_back import implicit_euler
+from tripod_sim.integrators.scheme import euler_stage
 from tripod_sim.mesh.described import described_mesh
 
 G, WEIGHT = 9.81, 0.032 * 9.81
@@ -183,7 +183,7 @@ def test_gradient_and_potential_agree_with_a_disc_that_turns() -> None:
     solid = stepper.world.nodes
     assert isinstance(solid, SolidNodes)
     solid.load(simulation.state, simulation.state.joints, 0.005)
-    solid.begin(implicit_euler(0.005))
+    solid.begin(euler_stage(0.005))
     rng = np.random.default_rng(3)
     u = np.zeros(solid.unknowns)
     solid.guess(u)

@@ -7,6 +7,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tests.sim.contact_scenes import refusal
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.statics import ContactStatics
 from tripod_sim.errors import StepError
@@ -49,7 +50,7 @@ def test_the_servos_that_press_the_tripod_on_a_post_do_the_work_that_bends_it(re
     assert simulation.effector.position[2] == pytest.approx(-0.0055 + 5e-4 + 0.0025, abs=4e-4)
 
 
-@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+@pytest.mark.parametrize("scheme", IMPLICIT)
 def test_the_motion_of_every_scheme_comes_to_rest_in_the_equilibrium(scheme: str) -> None:
     goal, words = (
         np.array([0.03, 0.03, 0.03, 0.0]),

@@ -14,9 +14,9 @@ from tripod_sim.forces.elastic import Elastic, ElasticTerm
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.spring_force import SpringForce
 from tripod_sim.integrators.explicit import ExplicitSteps
-from tripod_sim.integrators.looking_back import stages
+from tripod_sim.integrators.implicit import ImplicitSteps
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.schemes import ImplicitScheme
+from tripod_sim.integrators.schemes import SCHEMES
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.integrators.substeps import halving
 from tripod_sim.materials.laws import NAMES
@@ -227,8 +227,9 @@ def oscillator(scheme: str, square: float, b: float, h: float, steps: int) -> np
     if scheme in IMPLICIT:
         change, rate, before = np.zeros(2), np.zeros(2), 0.0
         for _ in range(steps):
-            for stage in stages(scheme, h, before) if before else stages("bdf2", h, 1e30):
-                known = y + stage.back * change + stage.lead * rate
+            for stage in SCHEMES[scheme].stages(h, before):
+                assert stage.position == stage.velocity and stage.s_force == stage.s
+                known = y + stage.position.change * change + stage.position.rate * rate
                 s = stage.s
                 after = np.linalg.solve(one - s * A, known)
                 change, rate, y = after - y, (after - known) / s, after
@@ -266,10 +267,10 @@ def test_small_vibrations_are_damped_as_the_scheme_damps_an_oscillator(
     state.positions[free] += size * shape.reshape(-1, 3)
     if explicit:
         system = System(system.rest, system.elastic.terms, system.groups)
-        stepper = ExplicitSteps(system, mass, scheme, drag=0.0, divide=False)
+        stepper = ExplicitSteps(system, mass, SCHEMES[scheme], drag=0.0, divide=False)
     else:
         newton = Newton(system, 1e-11, 200)
-        stepper = halving(ImplicitScheme(scheme, ImplicitStage(newton, inertia, mass, 0.0)), 0)
+        stepper = halving(ImplicitSteps(SCHEMES[scheme], ImplicitStage(newton, inertia, mass, 0.0)), 0)
     found = [1.0]
     for _ in range(steps):
         stepper.step(state, np.zeros(1), h)
@@ -320,7 +321,7 @@ def test_a_free_body_keeps_its_spin_as_without_damping(element: str, law: str, s
         system, inertia, mass, state = free_body(element, law, damped=damped)
         start = angular_momentum(mass, state)
         newton = Newton(system, 1e-9, 100)
-        stepper = halving(ImplicitScheme(scheme, ImplicitStage(newton, inertia, mass, 0.0)), 0)
+        stepper = halving(ImplicitSteps(SCHEMES[scheme], ImplicitStage(newton, inertia, mass, 0.0)), 0)
         for _ in range(500):
             stepper.step(state, np.zeros(1), 0.002)
         left.append(100 * angular_momentum(mass, state) / start)
@@ -340,7 +341,7 @@ def test_the_energy_of_a_free_damped_body_rises_no_more_than_undamped(
         system, inertia, mass, state = free_body(element, law, damped=damped)
         state.velocities += 0.3 * np.random.default_rng(3).standard_normal(state.velocities.shape)
         stepper = halving(
-            ImplicitScheme(scheme, ImplicitStage(Newton(system, 1e-9, 100), inertia, mass, 0.0)), 4
+            ImplicitSteps(SCHEMES[scheme], ImplicitStage(Newton(system, 1e-9, 100), inertia, mass, 0.0)), 4
         )
         now = np.zeros(60)
         for k in range(len(now)):
@@ -358,7 +359,10 @@ def test_the_energy_of_a_free_damped_body_rises_no_more_than_undamped(
 def test_explicit_schemes_keep_the_spin_of_a_free_damped_body(element: str, law: str, scheme: str) -> None:
     system, _, mass, state = free_body(element, law, damped=True)
     system = System(system.rest, system.elastic.terms, system.groups)
-    stepper, start = ExplicitSteps(system, mass, scheme, drag=0.0, divide=True), angular_momentum(mass, state)
+    stepper, start = (
+        ExplicitSteps(system, mass, SCHEMES[scheme], drag=0.0, divide=True),
+        angular_momentum(mass, state),
+    )
     for _ in range(5):
         stepper.step(state, np.zeros(1), 2e-3)
     assert angular_momentum(mass, state) == pytest.approx(start, rel=1e-7)
@@ -375,10 +379,10 @@ def test_explicit_and_implicit_schemes_damp_a_large_swing_alike() -> None:
         state.velocities[4:] = 3.0 * np.random.default_rng(1).standard_normal((8, 3))
         if scheme == "rk4":
             system = System(system.rest, system.elastic.terms, system.groups)
-            stepper = ExplicitSteps(system, mass, scheme, drag=0.0, divide=True)
+            stepper = ExplicitSteps(system, mass, SCHEMES[scheme], drag=0.0, divide=True)
         else:
             stage = ImplicitStage(Newton(system, 1e-8, 100), inertia, mass, 0.0)
-            stepper = halving(ImplicitScheme("tr_bdf2", stage), 4)
+            stepper = halving(ImplicitSteps(SCHEMES["tr_bdf2"], stage), 4)
         for _ in range(200):
             stepper.step(state, np.zeros(1), 2e-5)
         ends.append(state.positions - system.rest)

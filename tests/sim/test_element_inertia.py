@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.soft_build import assembled, element_masses, masses, sets_of
 from tripod_sim.mesh.described import described_mesh
@@ -50,7 +51,7 @@ def deformed(simulation: Simulation, steps: int) -> float:
     return float(np.abs(moved - moved.mean(axis=0)).max())
 
 
-@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+@pytest.mark.parametrize("scheme", IMPLICIT)
 @pytest.mark.parametrize("element", QUADRATIC)
 def test_a_body_that_falls_freely_is_not_deformed(element: str, scheme: str) -> None:
     simulation = Simulation(bar(element, f"inertia.scheme={scheme}"))

@@ -10,6 +10,7 @@ from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.integrators.explicit import ExplicitSteps
+from tripod_sim.integrators.schemes import rk4
 from tripod_sim.system import System
 
 SCHEMES = ("explicit_euler", "semi_implicit_euler", "rk4")
@@ -354,7 +355,7 @@ def test_masses_in_a_line_are_refused() -> None:
     assert len(line) == 3
     system = System(rest, [solid], Groups(len(rest), (line,)))
     with raises_naming(SceneError, "rigid body 0", "3 nodes", "on a line", "implicit_euler"):
-        ExplicitSteps(system, mass, "rk4", drag=0.0, divide=True)
+        ExplicitSteps(system, mass, rk4.SCHEME, drag=0.0, divide=True)
 
 
 @pytest.mark.parametrize(

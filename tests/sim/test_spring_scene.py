@@ -224,7 +224,7 @@ def test_what_a_scene_does_not_name_is_not_imported() -> None:
         "springs.implicit",
         "forces.strain_bound",
         "mesh.read_surface",
-        "integrators.schemes",
+        "integrators.implicit",
     ):
         assert f"tripod_sim.{name}" not in explicit
     assert not {m for m in loaded("silicone", "mesh.level=1") if m.startswith("tripod_sim.springs")}

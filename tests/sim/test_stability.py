@@ -10,6 +10,7 @@ import pytest
 from benchmarks import stability
 from tests.messages import names, raises_naming
 from tests.scenes import SHARP
+from tests.sim.implicit_schemes import IMPLICIT
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.integrators.load_steps import LoadSteps
@@ -114,7 +115,7 @@ def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_s
     assert np.isfinite(simulation.state.positions).all()
 
 
-@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+@pytest.mark.parametrize("scheme", IMPLICIT)
 def test_parts_that_fail_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A large turn within few iterations, and the parts that were solved once more, without those that were not."""
     words = ["mesh.level=1", "dt=0.01", "solver.mode=newton", "solver.tolerance=1e-9"]

@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.messages import raises_naming
+from tests.sim.implicit_schemes import IMPLICIT
 from tests.sim.test_bodies import assert_nothing_passes
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.forces.strain_bound import MARGIN, StrainBound
 from tripod_sim.system import System
 
-IMPLICIT = ("implicit_euler", "bdf2", "tr_bdf2")
 SCHEMES = (*IMPLICIT, "semi_implicit_euler", "rk4")
 
 THREAD = ["springs={source='chain', nodes=2, size=1.0, node_mass=1.0, stiffness=0.0, fixed_corners=[0]}",

@@ -260,7 +260,8 @@ def test_whether_a_step_is_left_out_depends_on_the_state_alone() -> None:
     errors, before = simulation._parts.errors, moving.error.copy()
     assert isinstance(errors, ErrorTransport) and simulation.state.errors.still
     assert not errors.rests(moving, none, none, simulation.scene.dt)
-    errors.tr_bdf2(moving, none, none, none, simulation.scene.dt)
+    h = simulation.scene.dt
+    errors.carry(moving, simulation.scene.inertia.integrator.stages(h, h), none, none, none, h)
     assert np.abs(moving.error - before).max() > 0.0 and errors.report(moving, np.nan).largest > 1e-7
 
 

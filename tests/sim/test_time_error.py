@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from tests.scenes import SHARP
+from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_study.run import run
 
-SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
+SCHEMES = IMPLICIT
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
 NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8")
 FINE, END = 1e-4, 0.06  # [s]

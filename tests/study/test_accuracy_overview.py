@@ -19,7 +19,7 @@ from benchmarks.accuracy_overview import (
 from benchmarks.doc_parts import cells
 from tests.messages import assert_names
 from tripod_bringup.study_plot import COLOURS
-from tripod_sim.effects.inertia import EXPLICIT
+from tripod_sim.integrators.schemes import EXPLICIT
 
 
 def point(

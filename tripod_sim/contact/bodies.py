@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.looking_back import Stage
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported

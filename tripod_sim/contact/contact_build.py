@@ -14,6 +14,7 @@ from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.schemes import implicit_euler
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, rigids_of
@@ -110,7 +111,7 @@ def contact_stepper(
     )  # fmt: skip
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
     world = World(
-        law, contact.alarm_distance, scene.inertia.scheme if scene.inertia else "implicit_euler",
+        law, contact.alarm_distance, scene.inertia.implicit if scene.inertia else implicit_euler.SCHEME,
         obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies, led=_servo_bodies(scene),
     )  # fmt: skip
     if scene.inertia:

@@ -13,7 +13,7 @@ from tripod_sim.contact import response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.joint_hessian import JointHessian
-from tripod_sim.integrators.looking_back import Stage
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.system_kernels import dot
 
 
@@ -95,8 +95,8 @@ class StepProblem:
 
     def begin(self, stage: Stage, u: FloatArray) -> None:
         """Prepare a stage and write the moves without forces to `u`."""
-        self.serves = self.serves and stage.s == self._length and self.lasting
-        self._length, self._assembled, self._factored = stage.s, False, False
+        self.serves = self.serves and stage.key == self._length and self.lasting
+        self._length, self._assembled, self._factored = stage.key, False, False
         for body, part in zip(self._bodies, self.slices, strict=True):
             body.served = self.serves
             body.begin(stage)

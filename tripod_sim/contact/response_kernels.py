@@ -7,8 +7,8 @@ augmented Lagrangian of a contact of pressure p and friction f (multipliers, fix
 
 H(s) = s² / 2 for |s| <= c, else c |s| - c² / 2: its derivative is the friction that Coulomb's disc of radius c allows.
 Both are convex and once differentiable. Penalty is the same with p = 0. Coulomb's friction is against the velocity at
-the end, v' = (x' - z) / s (see `looking_back`): t_0, the tangential part of the move z - x, is the slip of what ends
-without any. It is zero but where a scheme looks back on slip.
+the end, v' = (x' - z) / s (see `integrators.scheme`): t_0, the tangential part of the move z - x, is the slip of what
+ends without any. It is zero but where a scheme looks back on slip.
 """
 
 from typing import NamedTuple

@@ -6,16 +6,17 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.bodies import Body
-from tripod_sim.integrators.looking_back import Memory, Stage
+from tripod_sim.integrators.history import History
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.rigid_state import RigidState
 
 
 class RigidBodies(Body):
     """Rigid bodies under gravity: translation u_c and rotation vector u_r of each, in world.
 
-        m |u_c - w_c - s (v_0 + s g)|² / (2 s²) + |u_r - t|²_I / (2 s²)
+        m |u_c - w_c - s (v_0 + s_f g)|² / (2 s s_f) + |u_r - t|²_I / (2 s s_f)
 
-    with w = z - x and v_0 as the stage looks back (see `integrators.looking_back`). What a scheme does to velocities it
+    with w = z - x and v_0 as the stage looks back (see `integrators.scheme`). What a scheme does to velocities it
     does to the angular momentum, of which it knows L_0: t = w_r + s I'^-1 L_0, with I' that of the body turned by t.
     Without a torque it stays what it is, however fast the body tumbles. Rotation vectors are about the pose at the
     start of the stage; that the spin is not quite their derivative there is an error of the second order over a motion.
@@ -51,7 +52,8 @@ class RigidBodies(Body):
         self._inverse = np.linalg.inv(self.inertia)
         self._world, self._aim, self._way, self._known = np.zeros((b, 3, 3)), *np.zeros((3, b, 6))
         self._momentum, self._moved = np.zeros((2, b, 6))  # velocity and L; moves of the last stage
-        self._memory = Memory((b, 6))
+        self._history = History((b, 6), slice(0, b))
+        self._curve = np.zeros((b, 6))  # b of positions and turns
         self._untouched = np.zeros((b, 3))  # spin after the stage of a body that nothing touches
         self._kept: RigidState | None = None
         rows = np.concatenate([np.arange(6 * k, 6 * k + j + 1) for k in range(b) for j in range(6)])
@@ -80,7 +82,7 @@ class RigidBodies(Body):
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""
-        return self._moved, self._memory.change, self._memory.rate
+        return self._moved, self._curve, *self._history.arrays()
 
     def stop(self) -> None:
         """Take all velocities and spins."""
@@ -94,11 +96,14 @@ class RigidBodies(Body):
         kernels.carry(self.inertia, self.rotation, self.spin, now[:, 3:])
         way[:] = 0.0
         if not stage.begins:
-            way += stage.back * self._moved
-            way[:, :3] += stage.lead * self.velocity
-            way[:, 3:] += stage.lead * self.spin
-        self._memory.known(now, stage, self._known)
-        self._aim[:, :3] = way[:, :3] + s * self._known[:, :3] + s * s * self._gravity
+            of = stage.position
+            way += of.change * self._moved
+            way[:, :3] += of.rate * self.velocity
+            way[:, 3:] += of.rate * self.spin
+            if of.curve:
+                way += of.curve * self._curve
+        self._history.known(now, stage, self._known)
+        self._aim[:, :3] = way[:, :3] + s * self._known[:, :3] + stage.square * self._gravity
         L, turn, there = self._known[:, 3:], self._aim[:, 3:], np.empty_like(self.rotation)
         kernels.turn_freely(
             way[:, 3:], s, self.spin, L, self._inverse, self.rotation, self.MOST_TURNS, self.SAME, turn, there
@@ -112,14 +117,16 @@ class RigidBodies(Body):
 
     def add(self, u: FloatArray, out: FloatArray) -> float:
         """Add the gradient at `u` to `out`; return the potential."""
-        return float(kernels.add_inertia(u, self._aim, self.mass, self._world, self._stage.s, out))
+        return float(kernels.add_inertia(u, self._aim, self.mass, self._world, self._stage.square, out))
 
     def hessian(self, u: FloatArray, *, project: bool) -> None:
         """Write the Hessian, the same at any `u`, into `pattern.data`."""
         block = np.zeros((6, 6))
         for k in range(len(self.mass)):
             block[:3, :3], block[3:, 3:] = self.mass[k] * np.eye(3), self._world[k]
-            self.pattern.data[21 * k : 21 * k + 21] = block[self._upper[0], self._upper[1]] / self._stage.s**2
+            self.pattern.data[21 * k : 21 * k + 21] = (
+                block[self._upper[0], self._upper[1]] / self._stage.square
+            )
 
     def rate_at_start(self, out: FloatArray) -> None:
         """Write velocities and spins."""
@@ -140,7 +147,7 @@ class RigidBodies(Body):
 
     def finish(self, u: FloatArray) -> None:
         """Let the moves `u` be made."""
-        momentum = np.empty_like(self._known)
+        momentum, start = np.empty_like(self._known), np.hstack([self.velocity, self.spin])
         self.rate_at_end(u, momentum.ravel())
         momentum[:, 3:] = np.einsum("kij,kj->ki", self._world, momentum[:, 3:])
         self.centre, self.rotation = self.moved(u)
@@ -152,7 +159,21 @@ class RigidBodies(Body):
             kernels.carry(self._inverse, self.rotation, momentum[:, 3:], self.spin)
         if self.looked_back:
             self._moved[:] = u.reshape(-1, 6)
-            self._memory.note(self._momentum, self._known, momentum, self._stage)
+            self._history.note(self._momentum, self._known, momentum, self._stage)
+            self._bend(start)
+
+    def _bend(self, start: FloatArray) -> None:
+        """Write b of a stage that has been made, of velocities and spins `start` [m/s, rad/s], shape (b, 6)."""
+        stage = self._stage
+        if not stage.curves:
+            return
+        end = np.hstack([self.velocity, self.spin])
+        if stage.begins:
+            self._curve[:] = (end - start) / stage.s
+            return
+        by = stage.curves[0]
+        self._curve[:] = by.change * self._moved + by.rate * end + by.before * start + by.curve * self._curve
+        self._curve[:, :3] = self._history.curve[:, :3]
 
     def add_velocity(self, change: FloatArray) -> None:
         """Add to velocities and spins."""

@@ -63,26 +63,26 @@ def turn_freely(
 
 
 @njit(cache=True, error_model="numpy")
-def add_inertia(u: Array, aim: Array, mass: Array, tensors: Array, s: float, out: Array) -> float:
-    """Add the gradient of m |u_c - a_c|² / (2 s²) + |u_r - a_r|²_I / (2 s²) to `out`; return the sum [J].
+def add_inertia(u: Array, aim: Array, mass: Array, tensors: Array, square: float, out: Array) -> float:
+    """Add the gradient of m |u_c - a_c|² / (2 q) + |u_r - a_r|²_I / (2 q), q = `square`, to `out`; return the sum [J].
 
     Args:
         u: Moves, shape (6 b,).
         aim: a, shape (b, 6).
         mass: Shape (b,).
         tensors: I in world, shape (b, 3, 3).
-        s: [s].
+        square: s s_f of the stage [s²].
         out: Shape (6 b,).
     """
     phi = 0.0
     for k in range(len(mass)):
         for i in range(3):
             off = u[6 * k + i] - aim[k, i]
-            force = mass[k] * off / (s * s)
+            force = mass[k] * off / square
             moment = 0.0
             for j in range(3):
                 moment += tensors[k, i, j] * (u[6 * k + 3 + j] - aim[k, 3 + j])
-            moment /= s * s
+            moment /= square
             phi += 0.5 * (off * force + (u[6 * k + 3 + i] - aim[k, 3 + i]) * moment)
             out[6 * k + i] += force
             out[6 * k + 3 + i] += moment

@@ -14,7 +14,7 @@ from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.rigid_shapes import box
 from tripod_sim.contact.solid_nodes import HELD
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.integrators.looking_back import Stage
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.joints import Joints
 from tripod_sim.state import State
 

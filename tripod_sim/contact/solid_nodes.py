@@ -18,7 +18,8 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact import group_kernels
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.forces.solid import Solid
-from tripod_sim.integrators.looking_back import Memory, Stage
+from tripod_sim.integrators.history import History
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.state import State
 from tripod_sim.system_kernels import largest, same, write_difference
@@ -102,7 +103,7 @@ class SolidNodes(Nodes):
         self._at, self._phi, self._given = np.full(self.unknowns, np.nan), 0.0, False
         self._goal = self._rate = self._pinned_at = np.zeros(0)
         self._left, self._now_at = 1.0, Stage(1.0, 1.0)
-        self._memory: Memory | None = None
+        self._history: History | None = None
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
         self._kept: tuple[State, float] | None = None
         self._projected = False
@@ -189,7 +190,7 @@ class SolidNodes(Nodes):
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""
-        return (self._memory.change, self._memory.rate) if self._memory else ()
+        return self._history.arrays() if self._history else ()
 
     def stop(self) -> None:
         """Take all velocities."""
@@ -203,11 +204,11 @@ class SolidNodes(Nodes):
         known = self._stage.known
         self._stage.read(start, known)
         if self.looked_back:
-            if self._memory is None:
-                self._memory, self._read = Memory(known.shape), np.zeros_like(known)
+            if self._history is None:
+                self._history, self._read = History(known.shape, slice(1, 2)), np.zeros_like(known)
             self._read[:] = known
-            self._memory.known(self._read, stage, known)
-        self._stage.aim(stage.s)
+            self._history.known(self._read, stage, known)
+        self._stage.aim(stage)
         if not self.served:  # what dampers remember is of this stage now
             self._projected = self._answers = False
             if system.assemble(start, project=False) >= 0:
@@ -324,10 +325,10 @@ class SolidNodes(Nodes):
         self._place(u)
         np.subtract(trial.positions, self._stage.known[0], out=trial.velocities)
         trial.velocities /= stage.s
-        if self.looked_back and self._memory:
+        if self.looked_back and self._history:
             after = np.empty_like(self._read)
             self._stage.read(trial, after)
-            self._memory.note(self._read, self._stage.known, after, stage)
+            self._history.note(self._read, self._stage.known, after, stage)
         trial.copy_to(start)
         self._left -= stage.length
         self._at[:] = np.nan

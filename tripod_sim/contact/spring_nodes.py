@@ -6,7 +6,8 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.contact.bodies import Nodes
-from tripod_sim.integrators.looking_back import Memory, Stage
+from tripod_sim.integrators.history import History
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.springs.implicit import problem_of, work_of
 from tripod_sim.springs.implicit_kernels import write_blocks
 from tripod_sim.springs.linear_kernels import Slots, assemble
@@ -22,9 +23,9 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 class SpringNodes(Nodes):
     """The free nodes of a spring body, with damping.
 
-    With d = u - w the way from where the stage looks back, w = z - x (see `integrators.looking_back`),
+    With d = u - w the way from where the stage looks back, w = z - x (see `integrators.scheme`),
 
-        M |d - s u_0|² / (2 s²) + a M |d|² / (2 s) + E(x + u) + D(x + u) - F . u
+        M |d - s u_0|² / (2 s s_f) + a M |d|² / (2 s) + E(x + u) + D(x + u) - F . u
 
     (u_0 what is known of the velocity; the rest as in `springs.implicit_kernels`) and, with a limit of strains, that of
     the springs beyond their bound (see `forces.strain_bound`).
@@ -57,7 +58,7 @@ class SpringNodes(Nodes):
         self.given = np.zeros(0, dtype=np.int64)
         n, size = len(body.nodes), 6 * len(body.nodes) + len(body.ends)
         self._now, self._known = np.zeros((2, size))  # positions, velocities, lengths
-        self._memory = Memory((size,))
+        self._history = History((size,), slice(3 * n, 6 * n))
         self.x, self.v, self._lengths = self._parts(self._now)
         z, v, reference = self._parts(self._known)
         self._work = work_of(system, iterates=False)._replace(z=z, u=v, reference=reference)
@@ -72,7 +73,7 @@ class SpringNodes(Nodes):
         return False
 
     def _parts(self, of: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return positions, velocities and lengths of what `Memory` takes as one, views."""
+        """Return positions, velocities and lengths of what `History` takes as one, views."""
         n = len(self.base)
         return of[: 3 * n].reshape(n, 3), of[3 * n : 6 * n].reshape(n, 3), of[6 * n :]
 
@@ -126,7 +127,7 @@ class SpringNodes(Nodes):
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""
-        return self._memory.change, self._memory.rate
+        return self._history.arrays()
 
     def stop(self) -> None:
         """Take all velocities."""
@@ -138,7 +139,7 @@ class SpringNodes(Nodes):
         if self.bound:
             self.bound.aim(stage.s)
         lengths(self.x, links, self._lengths)
-        self._memory.known(self._now, stage, self._known)
+        self._history.known(self._now, stage, self._known)
         self._way[:] = (self._work.z - self.x)[self._free].ravel()
         self._aim[:] = self._way + stage.s * self._work.u[self._free].ravel()
 
@@ -150,7 +151,7 @@ class SpringNodes(Nodes):
         """Add the gradient at `u` to `out`; return the potential."""
         body, work, s, free = self._problem, self._work, self._stage.s, self._free
         off, way = u - self._aim, u - self._way  # as differences of moves they lose no digits
-        g = off * (self._mass / (s * s))
+        g = off * (self._mass / self._stage.square)
         phi = 0.5 * dot(off, g) - dot(self._force, u)
         if body.drag:
             drag = self._mass * (body.drag / s) * way
@@ -170,7 +171,10 @@ class SpringNodes(Nodes):
         """Write the Hessian at `u` into `pattern.data`."""
         body, work = self._problem, self._work
         blocks = work.blocks
-        write_blocks(self.moved(u), self._stage.s, project, body, work)
+        s, square = self._stage.s, self._stage.square
+        write_blocks(self.moved(u), s, project, body, work)
+        if square != s * s:
+            work.weight[self._free] = self._mass[::3] * (1.0 / square + body.drag / s)
         if self.bound:
             more = np.empty_like(blocks)
             tangents(self._at, self.bound.links, 0.0, work.reference, project, more)
@@ -187,7 +191,7 @@ class SpringNodes(Nodes):
         v[self._free] = rate.reshape(-1, 3)
         if self.looked_back:
             lengths(x, self._problem.links, end)
-            self._memory.note(self._now, self._known, after, self._stage)
+            self._history.note(self._now, self._known, after, self._stage)
         self._now[:] = after
 
     def add_velocity(self, change: FloatArray) -> None:

@@ -13,7 +13,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.contact.problem import DescentError
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.world import ContactReport, World
-from tripod_sim.integrators.looking_back import Stage
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.state import State
 
 

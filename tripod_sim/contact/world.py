@@ -8,9 +8,9 @@
    cut short before the hit.
 
 A hit is a jump of the velocity, over which no scheme may look back: bodies would bounce off by what it remembers. So a
-step of BDF2 or TR-BDF2 in which something hits is one of implicit Euler, as is the next one, which has nothing to look
-back on. Where moves without forces show the hit, the scheme's own stages are not even tried. Parts of a step are steps
-of implicit Euler, too.
+step of a multistep scheme in which something hits is one of implicit Euler, as is the next one, which has nothing to
+look back on. Where moves without forces show the hit, the scheme's own stages are not even tried. Parts of a step are
+steps of implicit Euler, too.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,8 @@ from tripod_sim.contact.impact import Impact, inverse_masses
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
 from tripod_sim.contact.surfaces import Part, join
-from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
+from tripod_sim.integrators.scheme import ImplicitScheme, Stage
+from tripod_sim.integrators.schemes import implicit_euler
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies
@@ -114,7 +115,7 @@ class World:
         self,
         law: Law,
         alarm: float,
-        scheme: str = "implicit_euler",
+        scheme: ImplicitScheme = implicit_euler.SCHEME,
         *,
         obstacles: list[Part],
         nodes: tuple[Nodes, list[Part]] | None = None,
@@ -126,7 +127,7 @@ class World:
         Args:
             law: What contacts do.
             alarm: Distance below which contacts are made [m], larger than the contact distance.
-            scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`; in statics any.
+            scheme: Of the steps; in statics any.
             obstacles: Fixed bodies.
             nodes: The deformable bodies and their surfaces, in the order of the vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
@@ -171,7 +172,7 @@ class World:
         self.problem = StepProblem(bodies, self.contacts)
         self._bodies, self._scheme, self._before = bodies, scheme, 0.0
         self._history: tuple[float, list[FloatArray]] = 0.0, []
-        self._looks_back, self.solved = scheme in ("bdf2", "tr_bdf2"), True
+        self._looks_back, self.solved = scheme.is_multistep, True
         for body in bodies:
             body.looked_back = self._looks_back
         self._bounded = nodes[0] if nodes and nodes[0].bound else None
@@ -307,7 +308,7 @@ class World:
         u = self._u
         for body in self._bodies:
             body.keep()
-        for stage in stages(self._scheme, h, self._before):
+        for stage in self._scheme.stages(h, self._before):
             if self._begin(stage, h) < 1.0 or self._move(stage, report, 0) < 1.0 or self._hits(u, h):
                 for body in self._bodies:
                     body.recall()
@@ -318,7 +319,7 @@ class World:
 
     def _advance(self, h: float, report: ContactReport, depth: int) -> bool:
         """Advance by implicit Euler, halved where needed; return whether the scheme may look back on that."""
-        u, stage = self._u, implicit_euler(h)
+        u, stage = self._u, self._scheme.start(h)
         met = self._begin(stage, h)
         report.meets = report.meets if depth else met
         share = self._move(stage, report, depth)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from tripod_sim.effect import Described, Draft, Effect, Parts
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.schemes import IMPLICIT
 from tripod_sim.scene_short import rigids_of, soft_bodies
 from tripod_sim.tables.fields import number, one_of
 
@@ -60,11 +60,10 @@ def contact_of(scene: Described) -> Contact | None:
 
 def check(contact: Contact, scene: Described) -> None:
     """Raise SceneError if contact lacks what it needs."""
-    if scene.inertia and scene.inertia.scheme in EXPLICIT:
+    if scene.inertia and scene.inertia.explicit:
         raise SceneError(
             f"inertia.scheme is {scene.inertia.scheme!r}; contact needs an implicit scheme, which finds "
-            "the contact forces at the end of a step. Allowed with contact or a ball: implicit_euler, "
-            "bdf2, tr_bdf2"
+            f"the contact forces at the end of a step. Allowed with contact or a ball: {', '.join(IMPLICIT)}"
         )
     bodies = rigids_of(scene)
     if bodies and not scene.inertia:

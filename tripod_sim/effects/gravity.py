@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from tripod_sim.effect import Draft, Effect
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.tables.fields import number
 
 
@@ -28,7 +27,7 @@ def act(gravity: Gravity, draft: Draft) -> None:
     from tripod_sim.forces.gravity import GravityForce
 
     inertia = draft.scene.inertia
-    masses = draft.inert if inertia and inertia.scheme in EXPLICIT else draft.load
+    masses = draft.inert if inertia and inertia.explicit else draft.load
     draft.terms.append(GravityForce(masses, gravity.acceleration, draft.rest, draft.dead))
 
 

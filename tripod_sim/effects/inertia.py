@@ -1,18 +1,12 @@
 """Effect: mass and velocity; without it every step is a static equilibrium."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from tripod_sim.effect import Draft, Effect
-from tripod_sim.tables.fields import one_of
-
-ORDER = {
-    "implicit_euler": 1, "auto": 1, "bdf2": 2, "tr_bdf2": 2, "semi_implicit_euler": 1, "explicit_euler": 1, "rk4": 4,
-}  # fmt: skip
-"""Power of the time step with which a scheme's error falls."""
-
-
-EXPLICIT = ("semi_implicit_euler", "explicit_euler", "rk4")
-"""Time integrators that solve nothing."""
+from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.errors import SceneError
+from tripod_sim.integrators.scheme import ImplicitScheme, Scheme
+from tripod_sim.integrators.schemes import SCHEMES, implicit_euler
+from tripod_sim.tables.fields import number, one_of
 
 
 @dataclass(frozen=True)
@@ -20,30 +14,58 @@ class Inertia:
     """Mass and velocity; without it every step is a static equilibrium.
 
     Attributes:
-        scheme: Time integrator: `implicit_euler` (first order), `bdf2` or `tr_bdf2` (second order); explicit are
-            `semi_implicit_euler` (first order), `rk4` (fourth order) and `explicit_euler` (first order, unstable: what
-            is not damped grows whatever the step; for teaching). `auto`: with a fixed dt implicit Euler; with
-            `dt = "auto"`, which asks for it unless a scheme is named beside it, chosen with the steps: for a solid
-            implicit Euler and TR-BDF2, for springs Verlet and RK4, whichever does with less.
+        scheme: Time integrator: `implicit_euler` (first order), `bdf2`, `tr_bdf2` or `generalised_alpha` (second
+            order); explicit are `semi_implicit_euler` (first order), `rk4` (fourth order) and `explicit_euler` (first
+            order, unstable: what is not damped grows whatever the step; for teaching). `auto`: with a fixed dt implicit
+            Euler; with `dt = "auto"`, which asks for it unless a scheme is named beside it, chosen with the steps: for
+            a solid implicit Euler and TR-BDF2, for springs Verlet and RK4, whichever does with less.
         substeps: Of explicit schemes: `auto` divides a step until it is stable; `off` shows the instability.
+        rho_inf: Of `generalised_alpha`: what a step leaves of the fastest modes' amplitude, from 0 (damps most) to 1
+            (damps nothing); left out it is 0.8.
     """
 
-    scheme: str = one_of(
-        "implicit_euler",
-        "bdf2",
-        "tr_bdf2",
-        "semi_implicit_euler",
-        "explicit_euler",
-        "rk4",
-        "auto",
-        default="implicit_euler",
-    )
+    scheme: str = one_of(*SCHEMES, default=implicit_euler.SCHEME.name)
     substeps: str = one_of("auto", "off", default="auto")
+    rho_inf: float | None = number(None, low=0.0, high=1.0)
+
+    @property
+    def integrator(self) -> Scheme:
+        """Return the scheme with its parameters."""
+        scheme = SCHEMES[self.scheme]
+        given = {name: getattr(self, name) for name in scheme.parameters}
+        return replace(scheme, **{name: value for name, value in given.items() if value is not None})
+
+    @property
+    def implicit(self) -> ImplicitScheme:
+        """Return the scheme, which must be an implicit one."""
+        scheme = self.integrator
+        assert isinstance(scheme, ImplicitScheme)
+        return scheme
+
+    @property
+    def explicit(self) -> bool:
+        """Whether steps solve no equations."""
+        return SCHEMES[self.scheme].explicit
+
+
+PARAMETERS = {name: [s.name for s in SCHEMES.values() if name in s.parameters]
+              for name in sorted({n for s in SCHEMES.values() for n in s.parameters})}  # fmt: skip
+"""Fields of [inertia] that only some schemes take, and which."""
+
+
+def check(inertia: Inertia, scene: Described) -> None:
+    """Raise SceneError for a parameter of another scheme."""
+    for name, takers in PARAMETERS.items():
+        if getattr(inertia, name) is not None and inertia.scheme not in takers:
+            raise SceneError(
+                f"inertia.{name} is {getattr(inertia, name):g}, but inertia.scheme is {inertia.scheme!r}, which does "
+                f"not use it; leave it out, or set inertia.scheme to {' or '.join(takers)}"
+            )
 
 
 def act(inertia: Inertia, draft: Draft) -> None:
     """Add the terms of inertia that implicit schemes have; explicit ones move the masses of nodes alone."""
-    if inertia.scheme not in EXPLICIT:
+    if not inertia.explicit:
         from tripod_sim.bodies.soft_build import element_masses
         from tripod_sim.forces.anchor import Anchor
 
@@ -63,7 +85,8 @@ EFFECT = Effect(
     modules=(
         "forces.anchor",
         "forces.element_inertia",
-        "integrators.schemes",
+        "integrators.implicit",
+        "integrators.history",
         "integrators.stage",
         "integrators.explicit",
         "integrators.explicit_kernels",
@@ -80,5 +103,6 @@ EFFECT = Effect(
         "integrators.frequency.LargestFrequency": {"largest": "stability limit"},
     },
     steps=("inertia", "stability limit", "explicit parts"),
+    check=check,
     act=act,
 )

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from tripod_sim.effect import Described, Draft, Effect
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.fields import number
@@ -34,7 +33,7 @@ def act(table: StrainLimit, draft: Draft) -> None:
     from tripod_sim.bodies.soft_build import strain_bound
 
     draft.bound = strain_bound(draft.assembly, draft.groups, draft.inert, table.stretch)
-    if draft.scene.inertia.scheme not in EXPLICIT:
+    if not draft.scene.inertia.explicit:
         draft.terms.append(draft.bound)
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.effects.contact import contact_of
-from tripod_sim.effects.inertia import EXPLICIT, ORDER
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.schemes import auto
 from tripod_sim.scene_short import rigids_of, servo_tables, soft_bodies, springs_alone
 from tripod_sim.tables.fields import number, one_of
 
@@ -41,8 +41,8 @@ class TimeError:
 
 def halves(scene: Described) -> bool:
     """Return whether steps of half the length tell the error of the time steps (see `integrators.doubling`)."""
-    explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
-    return explicit or contact_of(scene) is not None or scene.strain_limit is not None
+    carried = scene.inertia is None or scene.inertia.integrator.has_error_estimate
+    return not carried or contact_of(scene) is not None or scene.strain_limit is not None
 
 
 def by_way(scene: Described) -> bool:
@@ -61,7 +61,7 @@ def carried(scene: Described) -> TimeError | None:
 
 def check(wanted: TimeError, scene: Described) -> None:
     """Raise SceneError if the estimate lacks what it needs."""
-    chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
+    chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.integrator.is_automatic
     if wanted.accuracy and wanted.steps == "fixed":
         raise SceneError(
             f"time_error.accuracy is {wanted.accuracy:g}, but steps of a fixed dt cannot follow it; set "
@@ -139,10 +139,10 @@ def promise_note(scene: Described) -> str:
 
 def prepare(wanted: TimeError, scene: Described) -> Described:
     """Choose a scheme for steps that are chosen by their way, where that is left open."""
-    if not by_way(scene) or scene.inertia.scheme != "auto":
+    if not (by_way(scene) and scene.inertia.integrator.is_automatic):
         return scene
-    scheme = "bdf2" if halves(scene) else "tr_bdf2"  # hits make both restart; the former is cheaper there
-    return replace(scene, inertia=replace(scene.inertia, scheme=scheme))
+    scheme = auto.SCHEME.at_hits if halves(scene) else auto.SCHEME.smooth
+    return replace(scene, inertia=replace(scene.inertia, scheme=scheme.name))
 
 
 def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
@@ -156,7 +156,7 @@ def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[D
         contact = contact_of(scene)
         distance = contact.contact_distance if contact else 0.0
         solid = any(body.springs is None for body in soft_bodies(scene))
-        control = PathErrorControl(parts, wanted, scene.inertia.scheme, distance, solid=solid)
+        control = PathErrorControl(parts, wanted, scene.inertia.integrator, distance, solid=solid)
         note, steps = promise_note(scene), Substeps(control.integrator, control)
         return replace(parts, stepper=steps, chosen=control, notes=(*parts.notes, *([note] if note else [])))
     if parts.errors:
@@ -164,7 +164,7 @@ def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[D
     from tripod_sim.integrators.doubling import Doubling
 
     twin = build(replace(scene, dt=0.5 * scene.dt, time_error=None))
-    order = 1 if contact_of(scene) or scene.strain_limit else ORDER[scene.inertia.scheme]
+    order = 1 if contact_of(scene) or scene.strain_limit else scene.inertia.integrator.order
     doubling = Doubling(parts, twin, order)
     return replace(parts, stepper=Substeps(doubling, HalveOnFailure(0)), doubling=doubling)
 
@@ -193,9 +193,7 @@ EFFECT = Effect(
     stages={
         "integrators.time_error.ErrorTransport": {
             "keep_residual": TIME_ERROR,
-            "euler": TIME_ERROR,
-            "bdf2": TIME_ERROR,
-            "tr_bdf2": TIME_ERROR,
+            "carry": TIME_ERROR,
             "would_add": TIME_ERROR,
             "report": TIME_ERROR,
         },

@@ -12,8 +12,9 @@ error, in parts of the tolerance, that a substep of H would have added,
 The error is bounded for each substep and not for each unit of time: equal errors of all substeps are what reaches a
 given error at the end with the fewest of them.
 
-With `mixed` the substeps are steps of implicit Euler where these get further with the same work than those of TR-BDF2.
-Its substeps of an interval are equal unless one is rejected, and twice as long after an interval of small errors.
+With a `pair` of schemes the substeps are steps of the first, of first order, where these get further with the same work
+than those of the second. Its substeps of an interval are equal unless one is rejected, and twice as long after an
+interval of small errors.
 
 The equations of a substep are solved as far as its error is worth, not to the scene's `solver.tolerance`.
 """
@@ -27,26 +28,24 @@ from tripod_sim.integrators.time_error import ErrorState
 from tripod_sim.state import State
 
 if TYPE_CHECKING:
-    from tripod_sim.integrators.schemes import ImplicitScheme
+    from tripod_sim.integrators.implicit import ImplicitSteps
+    from tripod_sim.integrators.scheme import ImplicitScheme
 
 SAFETY = 0.9
 SHRINK, GROW = 0.1, 4.0
 """Bounds of the ratio of two lengths."""
 
-FIRST, SECOND = 1, 2
-"""Orders of implicit Euler and TR-BDF2."""
-
 SPARE = 0.3
-"""Part of the tolerance that a step of implicit Euler may add: it damps, so that the errors of all steps add up."""
+"""Part of the tolerance that a step of first order may add: it damps, so that the errors of all steps add up."""
 
 CALM = 0.3
 """Part of that below which its steps become longer."""
 
 CHEAPER = 1.2
-"""Implicit Euler takes over where it gets so many times further with the same work."""
+"""The first order takes over where it gets so many times further with the same work."""
 
 WORK = 3.0
-"""Steps of implicit Euler that take as long as one of TR-BDF2."""
+"""Steps of the first order that take as long as one of the second."""
 
 LEAST = 1e-4
 """Smallest error, in parts of the tolerance, that the controller takes note of."""
@@ -59,39 +58,39 @@ class AddedErrorControl(StepControl):
 
     def __init__(
         self,
-        scheme: "ImplicitScheme",
+        steps: "ImplicitSteps",
         max_halvings: int,
         tolerance: float,
         shortest: float,
         *,
-        mixed: bool = False,
+        pair: "tuple[ImplicitScheme, ImplicitScheme] | None" = None,
     ) -> None:
         """Prepare.
 
         Args:
-            scheme: Advances over each substep; must carry its error along.
+            steps: Advances over each substep; must carry its error along.
             max_halvings: The smallest substep that is tried where Newton's method fails is 2^-max_halvings of a step,
                 or smaller if the tolerance asks for that.
             tolerance: Error that a substep may add to the position of a node [m].
             shortest: Length of a substep that is accepted whatever its error [s].
-            mixed: Whether substeps may be steps of implicit Euler; `scheme` is then TR-BDF2, which such a step starts
-                afresh.
+            pair: Schemes of first and of second order that substeps may take; `steps` are then those of the second,
+                which a step of the first, implicit Euler, starts afresh.
         """
-        self._scheme, self._newton, self._max_halvings = scheme, scheme.newton, max_halvings
-        self._tolerance, self._shortest, self._mixed = tolerance, shortest, mixed
+        self._steps, self._newton, self._max_halvings = steps, steps.newton, max_halvings
+        self._tolerance, self._shortest, self._pair = tolerance, shortest, pair
         self._most_failed = MOST_FAILED * self._newton.max_iterations
         self._newton.keep_several()
 
     def begin(self, state: State, move: FloatArray, dt: float) -> None:
         """Begin with the length proposed at the end of the last step."""
         estimate = state.errors
-        assert self._scheme.errors and estimate
-        self._errors, self._dt = self._scheme.errors, dt
+        assert self._steps.errors and estimate
+        self._errors, self._dt = self._steps.errors, dt
         self._allowed = max(0, math.floor(math.log2(dt / self._shortest) + 1e-9))
         self._units = units = 2 ** max(self._allowed, self._max_halvings)
         self._least, self.added, self._most = units >> self._allowed, 0.0, 0.0
         self._failed, self._done, self._again = 0, 0, False
-        self._euler = self._mixed and estimate.order != SECOND
+        self._euler = self._pair is not None and estimate.order != self._pair[1].order
         self._size = self._rung(estimate.proposed / dt * units if estimate.proposed else units)
 
     def propose(self) -> Substep | None:
@@ -111,7 +110,7 @@ class AddedErrorControl(StepControl):
     def prepare(self, state: State) -> None:
         """Start afresh for a step of implicit Euler; say how exactly to solve."""
         if self._euler:
-            self._scheme.drop_history()
+            self._steps.drop_history()
         self._newton.allow(self._limit, self._h)
 
     def shorten(self, spent: int) -> bool:
@@ -153,15 +152,16 @@ class AddedErrorControl(StepControl):
 
     def finish(self, state: State, report: object) -> None:
         """Choose the scheme of the next step."""
-        if self._mixed and (estimate := state.errors):
-            estimate.order = FIRST if self._euler or self._euler_returns(estimate, self._dt) else SECOND
+        if self._pair and (estimate := state.errors):
+            first = self._euler or self._euler_returns(estimate, self._dt)
+            estimate.order = self._pair[0 if first else 1].order
 
     def _euler_suffices(self, estimate: ErrorState, dt: float) -> bool:
         """Return whether steps of implicit Euler of the proposed length go on; if not, propose one of TR-BDF2."""
-
-        length = min(estimate.proposed, dt)
-        other = self._errors.would_add(SECOND, length) / self._tolerance
-        longer = min(length * self._shrink(other, SECOND), dt)
+        assert self._pair
+        length, second = min(estimate.proposed, dt), self._pair[1]
+        other = self._errors.would_add(second, length) / self._tolerance
+        longer = min(length * self._shrink(other, second.order), dt)
         if length * WORK >= longer:
             return True
         estimate.proposed = min(
@@ -171,12 +171,12 @@ class AddedErrorControl(StepControl):
 
     def _euler_returns(self, estimate: ErrorState, dt: float) -> bool:
         """Return whether steps of implicit Euler now get further than those of TR-BDF2; if so, propose one."""
-
-        length = min(estimate.proposed, dt) / WORK
-        ratio = self._errors.would_add(FIRST, length) / (SPARE * self._tolerance)
+        assert self._pair
+        length, first = min(estimate.proposed, dt) / WORK, self._pair[0]
+        ratio = self._errors.would_add(first, length) / (SPARE * self._tolerance)
         if not ratio * CHEAPER**2 <= SAFETY**2:
             return False
-        estimate.proposed = min(length * self._shrink(ratio, FIRST), dt) if ratio > 0 else dt
+        estimate.proposed = min(length * self._shrink(ratio, first.order), dt) if ratio > 0 else dt
         return True
 
     def _follow(self, estimate: ErrorState, ratio: float, h: float, most: float) -> None:

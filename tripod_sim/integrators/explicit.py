@@ -33,7 +33,9 @@ from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step, remedy
+from tripod_sim.integrators.scheme import ExplicitScheme
+from tripod_sim.integrators.schemes import IMPLICIT
+from tripod_sim.integrators.stability import longest_part, remedy
 from tripod_sim.springs.spring_kernels import Links
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -58,13 +60,15 @@ class ExplicitSteps:
         finer: Times as many parts as are needed that a step is divided into.
     """
 
-    def __init__(self, system: System, mass: FloatArray, scheme: str, *, drag: float, divide: bool) -> None:
+    def __init__(
+        self, system: System, mass: FloatArray, scheme: ExplicitScheme, *, drag: float, divide: bool
+    ) -> None:
         """Prepare.
 
         Args:
             system: Without inertia and damping of its own.
             mass: Of nodes [kg], shape (n,); positive of free nodes.
-            scheme: A name of `stability.SCHEMES`.
+            scheme: Which.
             drag: a of the force -a M v [1/s].
             divide: Whether a step is divided into stable parts; if not, instability shows.
 
@@ -113,8 +117,8 @@ class ExplicitSteps:
                 linear.append(term)
             else:
                 raise SceneError(
-                    f"inertia.scheme is {self._scheme!r}, which cannot compute {term.name}; choose one of: "
-                    "implicit_euler, bdf2, tr_bdf2"
+                    f"inertia.scheme is {self._scheme.name!r}, which cannot compute {term.name}; choose one of: "
+                    f"{', '.join(IMPLICIT)}"
                 )
         self._bed = next(iter(linear), None)
 
@@ -185,7 +189,7 @@ class ExplicitSteps:
             self._at = state
             rate += self._damping.largest(state) * MARGIN**2
         omega = math.sqrt(square)
-        self._limit = min(self._limit, longest_step(self._scheme, omega, rate))
+        self._limit = min(self._limit, self._scheme.longest_step(omega, rate))
         return longest_part(self._scheme, omega, rate) if self._divide else np.inf
 
     def _add_stiffness(self, dx: FloatArray, out: FloatArray) -> None:
@@ -202,7 +206,7 @@ class ExplicitSteps:
 
     def _advance(self, state: State, joints: FloatArray, dt: float) -> tuple[int, float]:
         """Move `state`, write torques and work; return parts and strain energy [J], or raise FloatingPointError."""
-        system, scheme = self._system, SCHEMES[self._scheme]
+        system, scheme = self._system, self._scheme.code
         bodies, frames, scratch = self._bodies, self._frames, self._scratch
         load, nodes = self._prepare(state, joints, dt), (state.positions, state.velocities)
         solids, nets = self._solids_of(state), self._nets
@@ -339,7 +343,7 @@ def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:
             raise SceneError(
                 f"the masses of rigid body {i} ({len(nodes)} nodes) lie on a line, so it has no moment of "
                 "inertia about it, which an explicit inertia.scheme needs; enlarge effector.radius or choose "
-                "one of: implicit_euler, bdf2, tr_bdf2"
+                f"one of: {', '.join(IMPLICIT)}"
             )
         inverses[i] = np.linalg.inv(inertia)
         arms.append(arm)

@@ -45,13 +45,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.effects.inertia import ORDER
 from tripod_sim.effects.time_error import TimeError
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.scheme import Scheme
 from tripod_sim.integrators.step_control import StepControl, Substep, Work
 from tripod_sim.integrators.substeps import Substeps
-from tripod_sim.integrators.time_error import TR_BDF2, TimeErrorReport
+from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.way_kernels import (
     drop_normal,
     ratio_over_way,
@@ -85,9 +85,6 @@ make errors larger, take the more of a finer accuracy."""
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
 
-FAST = 4 * abs(TR_BDF2)
-"""Defect of TR-BDF2 over e_v: differences as of BDF2 make that h³ / 4 times the third derivative, 9 / 8 of BDF2's."""
-
 KEEP = 1.4
 """By which a length must have grown before it is changed: lengths that recur keep factorisations."""
 
@@ -108,7 +105,7 @@ class PathErrorControl(StepControl):
         self,
         parts: "Parts",
         wanted: TimeError,
-        scheme: str,
+        scheme: Scheme,
         distance: float,
         *,
         solid: bool = False,
@@ -122,7 +119,7 @@ class PathErrorControl(StepControl):
             distance: Of contact [m], 0 without.
             solid: Whether a body is a solid.
         """
-        self._order, self._fast = ORDER[scheme], FAST if scheme == "tr_bdf2" else 1.0
+        self._order, self._fast = scheme.order, scheme.over_difference
         inner = parts.stepper
         self.integrator: Any = inner.integrator if isinstance(inner, Substeps) else inner
         self._ball, self._wanted = parts.ball, wanted

@@ -1,13 +1,16 @@
-"""The longest stable step of the explicit schemes, and the largest frequency by power iteration."""
+"""Stable steps of the explicit schemes, and the largest frequency by power iteration."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 
+if TYPE_CHECKING:
+    from tripod_sim.integrators.scheme import ExplicitScheme
+
 EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
-SCHEMES = {"explicit_euler": EXPLICIT_EULER, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "rk4": RK4}
 """The explicit schemes, as compiled loops know them."""
 
 CHANGE = 1e-7
@@ -41,29 +44,6 @@ def largest_eigenvalue(
     return value, p
 
 
-def longest_step(scheme: str, omega: float, rate: float) -> float:
-    """Return the longest stable step of a scheme [s]; infinite where there is no force.
-
-    For a mode x'' = -w² x - d x' the limits are
-
-        semi-implicit Euler  (sqrt(d² + 4 w²) - d) / w²   (2 / w without damping),
-        RK4                  2.6 / max(w, d)              (2.83 / w without damping),
-        explicit Euler       d / w², 2 / d if that is less (0 without damping: it is never stable then).
-
-    Args:
-        scheme: A name of `SCHEMES`.
-        omega: Largest w [rad/s].
-        rate: Largest d [1/s].
-    """
-    if omega == 0.0:
-        return 2.0 / rate if rate > 0.0 else np.inf
-    if scheme == "rk4":
-        return 2.6 / max(omega, rate)
-    if scheme == "explicit_euler":
-        return min(rate / omega**2, 2.0 / rate) if rate > 0.0 else 0.0
-    return float(4.0 / (np.sqrt(rate**2 + 4 * omega**2) + rate))
-
-
 def remedy(limit: float, *, divides: bool) -> str:
     """Return what to do where an explicit scheme of the stability `limit` [s] failed, its steps divided or not."""
     if limit == 0.0:
@@ -74,13 +54,6 @@ def remedy(limit: float, *, divides: bool) -> str:
     return ("" if divides else "substeps = 'auto' divides the step, ") + "an implicit scheme needs no limit"
 
 
-def longest_part(scheme: str, omega: float, rate: float) -> float:
-    """Return the length of the parts into which a step is divided [s].
-
-    Explicit Euler, which has no stable step without damping, is divided like the semi-implicit scheme; it grows all the
-    same, and that is reported.
-    """
-    limit = longest_step(scheme, omega, rate)
-    return SHARE * (
-        max(limit, longest_step("semi_implicit_euler", omega, rate)) if scheme == "explicit_euler" else limit
-    )
+def longest_part(scheme: "ExplicitScheme", omega: float, rate: float) -> float:
+    """Return the length of the parts into which a step is divided [s]; arguments as of its `longest_step`."""
+    return SHARE * scheme.divisor(omega, rate)

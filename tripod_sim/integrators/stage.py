@@ -1,9 +1,9 @@
 """One implicit stage, the building block of all implicit schemes.
 
-Every scheme here ends a stage with v' = (x' - z) / s and M (v' - u) / s = f(x', v'), with s, z and u from known values.
-With f = -dE/dx - a M v' - dD/dx this is the minimum of
+Every scheme ends a stage with v' = (x' - z) / s and M (v' - u) / s_f = f(x', v'), with s, s_f, z and u from known
+values (see `scheme`). With f = -dE/dx - a M v' - dD/dx this is the minimum of
 
-    E(x') + D(x') + 1/(2 s²) |x' - z - s u|²_M + a/(2 s) |x' - z|²_M,
+    E(x') + D(x') + 1/(2 s s_f) |x' - z - s u|²_M + a/(2 s) |x' - z|²_M,
 
     D(x') = b/(2 s) sum of V (e(x') - e_q) : C_0 : (e(x') - e_q),
 
@@ -18,6 +18,7 @@ from numba import njit
 from tripod_host.arrays import FloatArray
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton, NewtonReport
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.state import State
 
 
@@ -42,33 +43,33 @@ class ImplicitStage:
         out[0], out[1] = state.positions, state.velocities
         self.newton.system.remember(state, out.reshape(-1)[self._strains])
 
-    def solve(self, state: State, joints: FloatArray, s: float) -> NewtonReport:
-        """Move `state` to the end of the stage with what is `known`, in place, its driven frames at `joints`.
+    def solve(self, state: State, joints: FloatArray, stage: Stage) -> NewtonReport:
+        """Move `state` to the end of a stage with what is `known`, in place, its driven frames at `joints`.
 
         Args:
             state: Start of Newton's iteration; holds x' and v' afterwards.
             joints: Angles [rad] and slide [m] at the end of the stage, shape (servos + 1,).
-            s: [s].
+            stage: Which.
 
         Raises:
             NewtonError: no solution; `state` is then in between.
         """
-        self.aim(s)
-        report = self.newton.solve(state, joints, keep=s)
+        self.aim(stage)
+        report = self.newton.solve(state, joints, keep=stage.key)
         np.subtract(state.positions, self.known[0], out=state.velocities)
-        state.velocities /= s
+        state.velocities /= stage.s
         return report
 
-    def renew(self, state: State, s: float) -> None:
-        """Factor now as the stage of `s` [s] from `state` with what is `known` would begin."""
-        self.aim(s)
-        self.newton.renew(state, s)
+    def renew(self, state: State, stage: Stage) -> None:
+        """Factor now as the stage from `state` with what is `known` would begin."""
+        self.aim(stage)
+        self.newton.renew(state, stage.key)
 
-    def aim(self, s: float) -> None:
-        """Make the system's potential that of a stage of `s` [s] with what is `known`."""
-        inertia, (z, u) = self._inertia, self.known[:2]
-        inertia.per_mass = 1 / s**2 + self._mass_damping / s
-        aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
+    def aim(self, stage: Stage) -> None:
+        """Make the system's potential that of a stage with what is `known`."""
+        inertia, (z, u), s, square = self._inertia, self.known[:2], stage.s, stage.square
+        inertia.per_mass = 1 / square + self._mass_damping / s
+        aim_anchor(self._mass, self._mass_damping, s, square, z, u, inertia.weight, inertia.point)
         self.newton.system.aim(s, self.known.reshape(-1)[self._strains])
 
 
@@ -77,14 +78,15 @@ def aim_anchor(
     mass: FloatArray,
     drag: float,
     s: float,
+    square: float,
     z: FloatArray,
     u: FloatArray,
     weight: FloatArray,
     point: FloatArray,
 ) -> None:
-    """Write weight m / s² + a m / s and point z + s u (m / s²) / weight; nodes without mass, ghosts, stay at z."""
+    """Write weight m / q + a m / s and point z + s u (m / q) / weight, q = `square`; nodes without mass stay at z."""
     for n in range(mass.shape[0]):
-        inertial = mass[n] / s**2
+        inertial = mass[n] / square
         weight[n] = inertial + mass[n] * (drag / s)
         part = s * inertial / weight[n] if weight[n] > 0 else 0.0
         for i in range(3):

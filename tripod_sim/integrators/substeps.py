@@ -22,7 +22,7 @@ class Substeps:
     """
 
     def __init__(self, integrator: Any, control: StepControl) -> None:
-        """`integrator`: a stepper, or what has `advance` and what else of `ImplicitScheme` it needs."""
+        """`integrator`: a stepper, or what has `advance` and what else of `ImplicitSteps` it needs."""
         self.integrator, self.control = integrator, control
         self._backup: State | None = None
         self._origin: State | None = None

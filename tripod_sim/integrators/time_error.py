@@ -1,28 +1,23 @@
 """Embedded estimate of the error of time steps: the error itself is carried along, by the factorisation at hand.
 
-Every stage of the implicit schemes ends with x' = z + s v' and M (v' - u) / s = f(x', v'), z and u made of known
-values. The exact motion fulfils both but for the defects tau of the scheme,
+Every stage of the implicit schemes ends with x' = z + s v' and M (v' - u) / s_f = f(x', v'), z and u made of known
+values (see `scheme`). The exact motion fulfils both but for the defects tau of the stage,
 
-    X' = Z + s V' + tau_x,   V' = U + s M^-1 F(X', V') + tau_v,
+    X' = Z + s V' + tau_x,   V' = U + s_f M^-1 F(X', V') + tau_v,
 
 so that the error e, exact minus computed, of a body with stiffness K, damping a M + C and a residual r of the
-solver follows from one solve with the matrix A of the stage, w = M / s² + a M / s,
+solver follows from one solve with the matrix A of the stage, w = M / (s s_f) + a M / s,
 
-    A e_x' = (w + C / s) y + M (e_u + tau_v) / s - r,   A = w + K + C / s,   y = e_z + tau_x,   e_v' = (e_x' - y) / s,
+    A e_x' = (w + C / s) y + M (e_u + tau_v) / s_f - r,   A = w + K + C / s,   y = e_z + tau_x,   e_v' = (e_x' - y) / s,
 
-e_z and e_u made of the errors as z and u are made of the values. The defects are those of the Taylor series, a = (v' -
-u) / s and backward differences of it for j and dj/dt,
-
-    implicit Euler   -h² / 2 (a, j)
-    BDF2             -(1 + r) / (6 a_0 r) h³ (j, dj/dt),   r = h / h_before,  a_0 = (1 + 2 r) / (1 + r)
-    TR-BDF2          -(g h)³ / 12 (j, dj/dt),  then  -(1 - g)² / (6 (2 - g)) h³ (j, dj/dt)
-
-[HairerNorsettWanner1993, chapter III.2], [BankEtAl1985]. After a start j is not known, so the part of the first step
-that comes of it, a change of e_v by -h² / 2 j, waits for the second. Nodes that servos drive or that are fixed have no
-error.
+e_z and e_u made of the errors as z and u are made of the values. The defects, which the stages have, are those of the
+Taylor series: multiples of a = (v' - u) / s_f, or of backward differences of it, j and dj/dt. After a start j is not
+known, so the part of the first step that comes of it, a change of e_v by -h² / 2 j, waits for the second. Nodes that
+servos drive or that are fixed have no error.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -33,12 +28,10 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.copied import Copied
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
-from tripod_sim.integrators.looking_back import G
+from tripod_sim.integrators.history import write_history, write_known
+from tripod_sim.integrators.scheme import Curve, Defect, ImplicitScheme, Stage, euler_stage, total_defect
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.system_kernels import same
-
-TR_BDF2 = float((-3 * G**2 + 4 * G - 2) / (12 * (2 - G)))
-"""Of TR-BDF2's defect, times h³ j: the sum of those of its stages."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +63,12 @@ class ErrorState(Copied):
 
     Attributes:
         error: e_x [m] and e_v [m/s] in the `Coordinates` of the transport, shape (2, n, k).
-        before: Of BDF2 the errors a step earlier, of TR-BDF2 the rates of the errors, shape (2, n, k).
+        before: What the next step may use of the last stage: change, rate and curve (as in `history.History`) of the
+            errors, shape (3, 2, n, k).
         velocities: At the end of the last step [m/s], shape (nodes, 3).
         accelerations: At the ends of the last two steps [m/s²], the latest first, shape (2, n, k).
         length: Time between these [s].
+        behind: From the latest to the end of the last step [s].
         known: How many of the accelerations are known.
         missing: Length of a first step whose part of the error that comes of j waits for the next step [s], else 0.
         proposed: Length of the next step, where the simulator chooses it [s]; 0 before the first.
@@ -88,6 +83,7 @@ class ErrorState(Copied):
     accelerations: FloatArray
     known: int = 0
     length: float = 0.0
+    behind: float = 0.0
     missing: float = 0.0
     proposed: float = 0.0
     last: float = 1.0
@@ -100,7 +96,10 @@ class ErrorState(Copied):
         other.velocities[:], other.accelerations[:] = self.velocities, self.accelerations
         other.known, other.length, other.missing = self.known, self.length, self.missing
         other.proposed, other.last, other.order = self.proposed, self.last, self.order
-        other.still = self.still
+        other.still, other.behind = self.still, self.behind
+
+
+NO_CURVE = Curve()
 
 
 class Coordinates(Protocol):
@@ -120,11 +119,12 @@ class Coordinates(Protocol):
         """Write (end - u) / s of what moves by itself to `out`; velocities of nodes [m/s], shape (nodes, 3)."""
 
     def stage(
-        self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
-        s: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+        self, begun: FloatArray, p: FloatArray, q: FloatArray, defect: Defect, stage: Stage, left: FloatArray,
+        out: FloatArray,
     ) -> None:  # fmt: skip
-        """Write what a stage starts from and the errors at its end (see `time_error_kernels.load`, `finish`).
+        """Write the errors at the end of a stage (see `time_error_kernels.load`, `finish`).
 
+        begun: e_z and e_u; the defects, its factors times `p` and `q`, are added to them.
         left: Of the unknowns, the force that the solver has left over [N].
         """
 
@@ -158,14 +158,14 @@ class Nodes:
         kernels.accelerations(end, u, s, self._moving, out)
 
     def stage(
-        self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
-        s: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+        self, begun: FloatArray, p: FloatArray, q: FloatArray, defect: Defect, stage: Stage, left: FloatArray,
+        out: FloatArray,
     ) -> None:  # fmt: skip
         """As in `Coordinates`."""
-        system, force, inertia = self._system, self._force, self._inertia
-        kernels.load(first, c1, second, c2, p, q, factor, self._mass, inertia.weight, s, begun, force)
+        system, force, inertia, s = self._system, self._force, self._inertia, stage.s
+        kernels.load(p, q, defect.x, defect.v, self._mass, inertia.weight, stage.s_force, begun, force)
         for term in self._heavy:
-            term.add_inertia(begun[1] / s + inertia.per_mass * begun[0], force)
+            term.add_inertia(begun[1] / stage.s_force + inertia.per_mass * begun[0], force)
         if system.damped:
             system.add_rates(begun[0], force)
         system.reduction.gradient(force, self._reduced, self._torques)
@@ -180,7 +180,7 @@ class Nodes:
     def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
         """As in `Coordinates`."""
         mass, zero = self._mass, out[0]
-        kernels.load(out, 1.0, out, 0.0, zero, zero, 0.0, mass, mass, 1.0, begun, self._force)
+        kernels.load(zero, zero, 0.0, 0.0, mass, mass, 1.0, begun, self._force)
         kernels.finish(self._move, begun, 1.0, out)
 
     def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
@@ -219,15 +219,15 @@ class ErrorTransport:
         """
         self.system, self.inertia = system, inertia
         self.local, self.carried = local, carried
-        self.order, self._s = 1, 1.0
-        self._left = np.zeros((2, system.unknowns))
+        self.order, self._last = 1, euler_stage(1.0)
+        self._left: list[FloatArray] = []
         self._none = np.zeros(system.unknowns)
         self.carry_in(Nodes(system, inertia, mass))
 
     def carry_in(self, coordinates: Coordinates) -> None:
         """Carry errors in other coordinates from the next `start` on."""
         self._coordinates, shape = coordinates, coordinates.shape
-        self._begun, self._middle, self._alone = (
+        self._begun, self._ended, self._alone = (
             np.zeros((2, *shape)),
             np.zeros((2, *shape)),
             np.zeros((2, *shape)),
@@ -240,12 +240,14 @@ class ErrorTransport:
         The kernels compile here.
         """
         none = np.zeros((2, *self._coordinates.shape))
-        state = ErrorState(none, none.copy(), velocities.copy(), none.copy())
+        past = np.zeros((3, *none.shape))
+        state = ErrorState(none, past, velocities.copy(), none.copy())
         trial, v = state.copy(), velocities
-        self._differ(trial, v, v, v, 1.0, 1.0)
-        self._carries(trial, 0, 0.0, 1.0)
+        self._differ(trial, v, v, v, 1.0, self._last)
+        self._carries(trial, Defect(0, 0.0, 0.0), 1.0)
         self._coordinates.warm_up(self._begun, self._alone)
-        self._measure_rates(trial, 1.0)
+        self._know(trial, self._last)
+        self._note(trial, self._begun, self._last)
         self._vanished, self._nothing = False, self._reported(none[0], np.nan)
         return state
 
@@ -255,81 +257,63 @@ class ErrorTransport:
         return self._alone[0]
 
     def keep_residual(self, stage: int) -> None:
-        """Remember the force that the solver has left over in `stage`, 0 or 1, as long as it is at hand."""
+        """Remember the force that the solver has left over in stage number `stage`, as long as it is at hand."""
         if self.carried and self._coordinates.corrects:
-            self._left[stage] = self.system.residual
+            if stage == len(self._left):
+                self._left.append(np.zeros_like(self._none))
+            self._left[stage][:] = self.system.residual
 
     def rests(self, state: ErrorState, start: FloatArray, end: FloatArray, h: float) -> bool:
-        """Return whether a step as of `euler` from rest without errors changes no velocity: `state` is then carried."""
+        """Return whether a step from rest without errors changes no velocity: `state` is then carried over it."""
         if not (state.still and state.known == 2) or self.local or not same(start, end):
             return False
         state.length = h
         return True
 
-    def euler(
-        self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, keep_rates: bool = False
+    def carry(
+        self,
+        state: ErrorState,
+        stages: Sequence[Stage],
+        start: FloatArray,
+        end: FloatArray,
+        u: FloatArray,
+        h: float,
     ) -> None:
-        """Carry `state` over a step of implicit Euler.
+        """Carry `state` over a step whose residuals have been kept.
 
         Args:
             state: Overwritten.
+            stages: Of the step.
             start, end: Velocities at start and end of the step [m/s], shape (n, 3).
-            h: [s].
-            keep_rates: Whether `before` is to hold the rates of the errors at the end, else the errors at the start.
+            u: Of the last stage [m/s], shape (n, 3).
+            h: Length of the step [s].
         """
-        self._differ(state, start, end, start, h, h)
-        if state.known == 1:  # the first step: j is known after the second
+        last, total = stages[-1], total_defect(stages)
+        if self.rests(state, start, end, h):
+            return
+        self._differ(state, start, end, u, h, last)
+        if last.begins and state.known == 1:  # the first step: j is known after the second
             state.missing = h
-        factor = -(h**2) / 2
-        if self._carries(state, 0, factor, h):
-            state.before[:] = state.error
-            self._stage(state.error, 1.0, state.error, 0.0, 0, factor, h, self._left[0], state.error)
-            if keep_rates:
-                self._measure_rates(state, h)
-        if state.known == 1:  # for the choice of the length as if the acceleration had begun at zero
+        if self._carries(state, total, h):
+            for k, stage in enumerate(stages):
+                assert stage.defect
+                self._know(state, stage)
+                left = self._left[k] if self._coordinates.corrects else self._none
+                self._stage(stage, stage.defect, left, self._ended)
+                self._note(state, self._ended, stage)
+        if (
+            last.begins and state.known == 1
+        ):  # for the choice of the length as if the acceleration had begun at zero
             np.divide(self._differences[0], h, out=self._differences[1])
-        self.order = 1
-        self._measure_added(0, factor, h)
+        self.order = total.derivative + 1
+        self._measure_added(total, last)
 
-    def bdf2(
-        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, ratio: float
-    ) -> None:
-        """Carry `state` over a step of BDF2 with its `u` [m/s], `ratio` times as long as the step before."""
-        a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
-        self._differ(state, start, end, u, h, h / a)
-        factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
-        if self._carries(state, 1, factor, h):
-            self._middle[:] = state.error
-            self._stage(
-                state.error, b / a, state.before, -c / a, 1, factor, h / a, self._left[0], state.error
-            )
-            state.before[:] = self._middle
-        self.order = 2
-        self._measure_added(1, factor, h / a)
+    def would_add(self, scheme: ImplicitScheme, h: float) -> float:
+        """Return what a step of `h` [s] of a scheme in place of the last would have added, as `largest_added` [m].
 
-    def tr_bdf2(self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float) -> None:
-        """Carry `state` over a step of TR-BDF2, whose second stage has the `u` [m/s].
-
-        The residuals of its stages have been kept, as of the other schemes.
+        The matrix is that of the last step.
         """
-        k, p = G * h / 2, 1 / (G * (2 - G))
-        self._differ(state, start, end, u, h, k)
-        first, second = -((G * h) ** 3) / 12, -((1 - G) ** 2) / (6 * (2 - G)) * h**3
-        if self._carries(state, 1, first + second, h):
-            middle, q = self._middle, (1 - G) ** 2 * p
-            self._stage(state.error, 1.0, state.before, k, 1, first, k, self._left[0], middle)
-            self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
-            self._measure_rates(state, k)
-        self.order = 2
-        self._measure_added(1, TR_BDF2 * h**3, k)
-
-    def would_add(self, order: int, h: float) -> float:
-        """Return what a step of `h` [s] in place of the last would have added, as `largest_added` [m].
-
-        order: 1 for implicit Euler, 2 for TR-BDF2. The matrix is that of the last step.
-        """
-        derivative, factor = (0, -(h**2) / 2) if order == 1 else (1, TR_BDF2 * h**3)
-        self._measure_added(derivative, factor, self._s)
+        self._measure_added(scheme.defect(h), self._last)
         return self.largest_added
 
     def report(self, state: ErrorState, added: float) -> TimeErrorReport:
@@ -352,55 +336,69 @@ class ErrorTransport:
         return self._coordinates.furthest(self.added)[0]
 
     def _differ(
-        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, s: float
+        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, last: Stage
     ) -> None:
-        """Find a, j and dj/dt of a step that ends with a stage of `u` and `s`, and remember what the next one needs.
+        """Find a, j and dj/dt of a step that ends with the stage `last` of `u`, and remember what the next one needs.
 
         Velocities at the start that somebody has changed are a new start.
         """
-        self._s = s
+        self._last = last
         if not same(start, state.velocities):
-            state.known, state.missing = 0, 0.0
-        self._coordinates.accelerations(end, u, s, self._differences[0])
+            state.known, state.missing, state.behind = 0, 0.0, 0.0
+        behind = 0.0
+        if last.curves and not last.begins:  # where A trembles in fast modes the mean of the step does less
+            self._coordinates.accelerations(end, start, h, self._differences[0])
+            behind = 0.5 * h
+        else:
+            self._coordinates.accelerations(end, u, last.s_force, self._differences[0])
+        between, state.behind = state.behind + h - behind, behind
         state.still = kernels.differences(
-            h, state.accelerations, state.length, state.known, self._differences
+            between, state.accelerations, state.length, state.known, self._differences
         )
         state.velocities[:] = end
         if self.carried and state.missing and state.known:
-            state.error[1] -= state.missing**2 / 2 * self._differences[1]
+            late = state.missing**2 / 2 * self._differences[1]
+            state.error[1] -= late
+            state.before[0, 1] -= late
+            state.before[2, 1] += last.lag * state.missing * self._differences[1]
             state.missing = 0.0
-        state.length, state.known = h, min(state.known + 1, 2)
+        state.length, state.known = between, min(state.known + 1, 2)
 
-    def _carries(self, state: ErrorState, derivative: int, factor: float, h: float) -> bool:
-        """Return whether a step of `h` [s] carries errors along; where all are negligible they become none.
-
-        Its defects are `factor` times the derivatives of the acceleration from number `derivative` on.
-        """
-        p, q, limit = (
-            self._differences[derivative],
-            self._differences[derivative + 1],
-            self._coordinates.negligible,
-        )
-        self._vanished = kernels.vanish(state.error, state.before, p, q, factor, h, limit)
+    def _carries(self, state: ErrorState, defect: Defect, h: float) -> bool:
+        """Return whether a step of `h` [s] carries errors along; where all are negligible they become none."""
+        p, q, limit = *self._derivatives(defect), self._coordinates.negligible
+        self._vanished = kernels.vanish(state.error, state.before, p, q, defect.x, defect.v, h, limit)
         state.still = state.still and self._vanished
         return self.carried and not self._vanished
 
-    def _stage(
-        self, first: FloatArray, c1: float, second: FloatArray, c2: float, derivative: int, factor: float, s: float,
-        left: FloatArray, out: FloatArray,
-    ) -> None:  # fmt: skip
-        """Write the errors at the end of a stage that starts from c1 `first` + c2 `second` to `out`.
+    def _derivatives(self, defect: Defect) -> tuple[FloatArray, FloatArray]:
+        """Return what the factors of a defect multiply."""
+        return self._differences[defect.derivative], self._differences[defect.derivative + 1]
 
-        Its defects are `factor` times the derivatives of the acceleration from number `derivative` on.
-        """
-        p, q = self._differences[derivative], self._differences[derivative + 1]
-        self._coordinates.stage(first, c1, second, c2, p, q, factor, s, left, self._begun, out)
+    def _know(self, state: ErrorState, stage: Stage) -> None:
+        """Write e_z and e_u of a stage to `_begun`."""
+        change, rate, curve = state.before
+        for k, weights in enumerate((stage.position, stage.velocity)):
+            write_known(state.error[k], change[k], rate[k], curve[k], weights, self._begun[k])
 
-    def _measure_rates(self, state: ErrorState, s: float) -> None:
-        """Write the rates of the errors at the end of the last stage to `before`."""
-        kernels.rates(state.error, self._begun, s, state.before)
+    def _note(self, state: ErrorState, after: FloatArray, stage: Stage) -> None:
+        """Let `state` be `after` the stage that started from `_begun`, and remember it."""
+        change, rate, curve = state.before
+        for k, s in enumerate((stage.s, stage.s_force)):
+            by = stage.curves[k] if stage.curves else NO_CURVE
+            write_history(state.error[k], self._begun[k], after[k], s, by, change[k], rate[k], curve[k])
+        if stage.curves and stage.defect:
+            curve[1] += stage.defect.curve * self._derivatives(stage.defect)[1]
+            curve[0] = curve[1]
+        state.error[:] = after
 
-    def _measure_added(self, derivative: int, factor: float, s: float) -> None:
-        """Write `added` of a step with these defects."""
+    def _stage(self, stage: Stage, defect: Defect, left: FloatArray, out: FloatArray) -> None:
+        """Write the errors at the end of a stage that starts from `_begun` to `out`."""
+        p, q = self._derivatives(defect)
+        self._coordinates.stage(self._begun, p, q, defect, stage, left, out)
+
+    def _measure_added(self, defect: Defect, stage: Stage) -> None:
+        """Write `added` of a step with these defects, as of one stage."""
         if self.local:
-            self._stage(self._alone, 0.0, self._alone, 0.0, derivative, factor, s, self._none, self._alone)
+            self._begun[:] = 0.0
+            self._stage(stage, defect, self._none, self._alone)

@@ -48,37 +48,32 @@ def differences(h: float, before: Array, length: float, known: int, found: Array
 
 @njit(cache=True, error_model="numpy")
 def load(
-    first: Array,
-    c1: float,
-    second: Array,
-    c2: float,
     p: Array,
     q: Array,
-    factor: float,
+    x: float,
+    v: float,
     mass: Array,
     weight: Array,
-    s: float,
+    s_force: float,
     begun: Array,
     force: Array,
 ) -> None:
-    """Write what a stage starts from, y = e_z + tau_x and e_u + tau_v, to `begun`, and the forces [N] that load A.
+    """Add tau_x and tau_v to what a stage starts from, and write the forces [N] that load A.
 
     Args:
-        first, second: Pairs of errors; c1 times the first and c2 times the second are e_z and e_u.
-        c1, c2: Their factors.
-        p, q: `factor` times these are tau_x and tau_v.
-        factor: See there.
+        p, q: Times `x` and `v` they are tau_x and tau_v.
+        x, v: See there.
         mass, weight: m [kg] and w [N/m], shape (n,).
-        s: Of the stage [s].
-        begun, force: Output.
+        s_force: Of the stage [s].
+        begun: e_z and e_u; output y = e_z + tau_x and e_u + tau_v.
+        force: Output.
     """
     for n in range(force.shape[0]):
-        per_speed, per_move = mass[n] / s, weight[n]
+        per_speed, per_move = mass[n] / s_force, weight[n]
         for i in range(force.shape[1]):
-            x = c1 * first[0, n, i] + c2 * second[0, n, i] + factor * p[n, i]
-            v = c1 * first[1, n, i] + c2 * second[1, n, i] + factor * q[n, i]
-            begun[0, n, i], begun[1, n, i] = x, v
-            force[n, i] = per_speed * v + per_move * x
+            begun[0, n, i] += x * p[n, i]
+            begun[1, n, i] += v * q[n, i]
+            force[n, i] = per_speed * begun[1, n, i] + per_move * begun[0, n, i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,29 +86,23 @@ def finish(move: Array, begun: Array, s: float, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def rates(errors: Array, begun: Array, s: float, out: Array) -> None:
-    """Write the rates of the errors at the end of a stage, (e' - e_known - tau) / s, to `out`."""
-    for n in range(errors.shape[1]):
-        for i in range(errors.shape[2]):
-            out[0, n, i] = (errors[0, n, i] - begun[0, n, i]) / s
-            out[1, n, i] = (errors[1, n, i] - begun[1, n, i]) / s
-
-
-@njit(cache=True, error_model="numpy")
-def vanish(errors: Array, before: Array, p: Array, q: Array, factor: float, h: float, limit: float) -> bool:
+def vanish(
+    errors: Array, before: Array, p: Array, q: Array, dx: float, dv: float, h: float, limit: float
+) -> bool:
     """Zero errors that are below a limit, as are those that a step of `h` [s] adds; return whether they are.
 
     Args:
-        errors, before: Pairs of errors.
-        p, q: `factor` times these are the step's defects tau_x and tau_v.
-        factor: See there.
+        errors: A pair.
+        before: What is remembered of them, any shape.
+        p, q: Times `dx` and `dv` they are the step's defects tau_x and tau_v.
+        dx, dv: See there.
         h: [s].
         limit: [m].
     """
     for n in range(errors.shape[1]):
         for i in range(errors.shape[2]):
             x, v = abs(errors[0, n, i]), abs(errors[1, n, i])
-            if not x + h * v + abs(factor) * (abs(p[n, i]) + h * abs(q[n, i])) < limit:
+            if not x + h * v + abs(dx) * abs(p[n, i]) + h * abs(dv) * abs(q[n, i]) < limit:
                 return False
     errors[:] = 0.0
     before[:] = 0.0

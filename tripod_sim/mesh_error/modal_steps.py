@@ -5,6 +5,7 @@ from numba import njit
 
 from tripod_host.arrays import Array, FloatArray
 from tripod_sim.forces.anchor import Anchor
+from tripod_sim.integrators.scheme import Defect, Stage
 from tripod_sim.integrators.time_error_kernels import finish, load
 from tripod_sim.mesh_error.modes import Modes
 from tripod_sim.system import System
@@ -30,19 +31,18 @@ class ModalSteps:
         np.divide(self._modes.momenta(end, u), s, out=out[:, 0])
 
     def stage(
-        self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
-        s: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+        self, begun: FloatArray, p: FloatArray, q: FloatArray, defect: Defect, stage: Stage, left: FloatArray,
+        out: FloatArray,
     ) -> None:  # fmt: skip
         """As in `Coordinates`."""
         weight = self._inertia.per_mass
-        damped = self._damping / s
-        solve(first, c1, second, c2, p, q, factor, self._modes.squares, weight, s, damped, begun, out)
+        damped, lengths = self._damping / stage.s, (stage.s, stage.s_force)
+        solve(p, q, defect.x, defect.v, self._modes.squares, weight, lengths, damped, begun, out)
 
     def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
         """As in `Coordinates`."""
-        solve(
-            out, 1.0, out, 0.0, out[0], out[0], 0.0, self._modes.squares, 1.0, 1.0, self._damping, begun, out
-        )
+        zero = out[0].copy()
+        solve(zero, zero, 0.0, 0.0, self._modes.squares, 1.0, (1.0, 1.0), self._damping, begun, out)
 
     def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
         """As in `Coordinates`."""
@@ -56,26 +56,23 @@ class ModalSteps:
 
 @njit(cache=True, error_model="numpy")
 def solve(
-    first: Array,
-    c1: float,
-    second: Array,
-    c2: float,
     p: Array,
     q: Array,
-    factor: float,
+    x: float,
+    v: float,
     squares: Array,
     weight: float,
-    s: float,
+    lengths: tuple[float, float],
     damped: Array,
     begun: Array,
     out: Array,
 ) -> None:
-    """Write what a stage starts from and the errors at its end (see `load` and `finish`), which may be `first`.
+    """Add the defects to what a stage starts from, and write the errors at its end (see `load` and `finish`).
 
-    squares: w_i² [1/s²], shape (modes,); weight: w [1/s²]; damped: d_i / s [1/s²].
+    squares: w_i² [1/s²], shape (modes,); weight: w [1/s²]; lengths: s and s_f [s]; damped: d_i / s [1/s²].
     """
     count = squares.shape[0]
-    load(first, c1, second, c2, p, q, factor, np.ones(count), np.full(count, weight), s, begun, out[0])
+    load(p, q, x, v, np.ones(count), np.full(count, weight), lengths[1], begun, out[0])
     for n in range(count):
         out[0, n, 0] = (out[0, n, 0] + damped[n] * begun[0, n, 0]) / (weight + squares[n] + damped[n])
-    finish(out[0], begun, s, out)
+    finish(out[0], begun, lengths[0], out)

@@ -5,7 +5,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import longest_step
+from tripod_sim.integrators.schemes import rk4, semi_implicit_euler
 from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.explicit import MOST_PARTS, load_of
@@ -41,8 +41,8 @@ class AutomaticSprings:
         self._system, self._tolerance, self._shortest = system, tolerance, shortest
         self._load, (omega, rate) = load_of(system, drag), fastest(system, drag)
         self.forces = 0.0
-        self._verlet = SHARE * longest_step("semi_implicit_euler", omega, 2.0 * rate)
-        self._runge_kutta = longest_step("rk4", omega, rate)
+        self._verlet = SHARE * semi_implicit_euler.SCHEME.longest_step(omega, 2.0 * rate)
+        self._runge_kutta = rk4.SCHEME.longest_step(omega, rate)
         self._scratch = np.zeros((9, *system.rest.shape))
 
     def start(self, velocities: FloatArray) -> ErrorState:

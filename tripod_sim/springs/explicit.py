@@ -7,7 +7,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step, remedy
+from tripod_sim.integrators.scheme import ExplicitScheme
+from tripod_sim.integrators.stability import longest_part, remedy
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.frequency_bound import fastest
 from tripod_sim.springs.spring_system import SpringSystem
@@ -37,18 +38,18 @@ class ExplicitSprings:
         finer: Times as many parts as are needed that a step is divided into.
     """
 
-    def __init__(self, system: SpringSystem, scheme: str, *, drag: float, divide: bool) -> None:
+    def __init__(self, system: SpringSystem, scheme: ExplicitScheme, *, drag: float, divide: bool) -> None:
         """Prepare.
 
         Args:
             system: The body.
-            scheme: A name of `stability.SCHEMES`.
+            scheme: Which.
             drag: a of the force -a M v [1/s].
             divide: Whether a step is divided into stable parts; if not, instability shows.
         """
-        self._system, self._scheme, self._divide = system, SCHEMES[scheme], divide
+        self._system, self._scheme, self._divide = system, scheme.code, divide
         self._load, (omega, rate) = load_of(system, drag), fastest(system, drag)
-        self.limit, self._part = longest_step(scheme, omega, rate), longest_part(scheme, omega, rate)
+        self.limit, self._part = scheme.longest_step(omega, rate), longest_part(scheme, omega, rate)
         self._scratch = np.zeros((8, *system.rest.shape))
         self._watch = np.zeros(5)
         self._watching, self.finer = False, 1

@@ -126,7 +126,7 @@ def explicit_steps(
     half of all motion and tension then came from nothing.
 
     Args:
-        scheme: A number of `stability.SCHEMES`.
+        scheme: A number of `stability`.
         count: Steps.
         h: Length of a part [s].
         parts: Parts of a step.

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_sim.effects.contact import Contact, contact_of
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.effects.time_error import carried
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
@@ -124,13 +124,13 @@ def _stepper(
         from tripod_sim.springs.implicit import StaticSprings  # noqa: PLC0415
 
         return StaticSprings(system, _options(scene, system)), None
-    scheme, wanted = scene.inertia.scheme, carried(scene)
-    if wanted and scheme == "auto" and wanted.steps == "auto":
+    scheme, wanted = scene.inertia.integrator, carried(scene)
+    if wanted and scheme.is_automatic and wanted.steps == "auto":
         from tripod_sim.springs.automatic import AutomaticSprings  # noqa: PLC0415 - an effect that is absent
 
         chosen = AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag)
         return chosen, chosen
-    if scheme in EXPLICIT:
+    if isinstance(scheme, ExplicitScheme):
         from tripod_sim.springs.explicit import ExplicitSprings  # noqa: PLC0415
 
         divide = scene.inertia.substeps == "auto"

@@ -8,6 +8,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.reduction import Reduction
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
+from tripod_sim.integrators.scheme import Stage
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.implicit import SpringSolver
@@ -117,8 +118,8 @@ class SpringStage(ImplicitStage):
             solver.work = solver.work._replace(reference=self.known[2:].reshape(-1)[:m])
         self._springs = newton
 
-    def solve(self, state: State, joints: FloatArray, s: float) -> NewtonReport:
+    def solve(self, state: State, joints: FloatArray, stage: Stage) -> NewtonReport:
         """As `ImplicitStage.solve`; its unknowns are velocities, so that short steps lose no digits."""
         if self._springs.end:
-            self.aim(s)
-        return self._springs.solve_stage(state, s)
+            self.aim(stage)
+        return self._springs.solve_stage(state, stage.s)

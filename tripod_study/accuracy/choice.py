@@ -15,8 +15,9 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.integrators.scheme import ExplicitScheme
+from tripod_sim.integrators.schemes import SCHEMES, auto
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, words_of
 from tripod_study.accuracy.machine import product_time
@@ -274,11 +275,9 @@ def _within(
 
 def stays_stable(point: StoredPoint) -> bool:
     """Return whether the steps of a point stay stable on another body: implicit, or divided as that one needs."""
-    scheme, substeps = (
-        point.settings.get("inertia.scheme", "auto"),
-        point.settings.get("inertia.substeps", "auto"),
-    )
-    return scheme != "explicit_euler" and (scheme not in EXPLICIT or substeps == "auto")
+    scheme = SCHEMES[str(point.settings.get("inertia.scheme", auto.SCHEME.name))]
+    divided = point.settings.get("inertia.substeps", "auto") == "auto"
+    return not isinstance(scheme, ExplicitScheme) or (scheme.is_stable and divided)
 
 
 def margins(study: StoredStudy) -> tuple[float, ...]:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from time import thread_time
 from typing import Any
 
-import numpy as np
-
 from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.scheme import ExplicitScheme
+from tripod_sim.integrators.schemes import implicit_euler
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.objects import walk
 
@@ -50,9 +50,9 @@ def _implicit(stepper: Any, simulation: Simulation, report: StepReport, steps: i
     solver, state, dt = stepper.solver, simulation.state, simulation.scene.dt
     body, work, factor, options = solver.problem, solver.work, solver.factor, solver.options
     x, v, links = state.positions, state.velocities, body.links
-    scheme = simulation.scene.inertia.scheme if simulation.scene.inertia else ""
-    s = {"bdf2": 2 / 3, "tr_bdf2": 1 - np.sqrt(0.5)}.get(scheme, 1.0) * dt
-    stages = (2 if scheme == "tr_bdf2" else 1) * max(1, report.parts)
+    scheme = simulation.scene.inertia.implicit if simulation.scene.inertia else implicit_euler.SCHEME
+    of_step = scheme.stages(dt, dt)
+    s, stages = of_step[0].s, len(of_step) * max(1, report.parts)
     solves, renewals = report.iterations / steps, report.factorisations / steps
     work.z[:], work.u[:] = x - s * v, v
     rate = 1.0 / s if body.damped else 0.0
@@ -98,8 +98,9 @@ def _explicit(stepper: Any, simulation: Simulation, report: StepReport, steps: i
 
     state, system, load, scratch = simulation.state, stepper._system, stepper._load, stepper._scratch
     x, v, links, origin = state.positions, state.velocities, system.links, system.body.nodes
-    scheme = simulation.scene.inertia.scheme if simulation.scene.inertia else ""
-    calls = (4 if scheme == "rk4" else 1) * report.parts / steps
+    scheme = simulation.scene.inertia.integrator if simulation.scene.inertia else None
+    assert isinstance(scheme, ExplicitScheme)
+    calls = scheme.forces * report.parts / steps
     return {
         "spring forces": calls * _forces(stepper, simulation),
         "watch over the energy": _least(lambda n: kernels.watch(n, x, v, origin, links, load, scratch[0])),

@@ -19,8 +19,9 @@ from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.effects.contact import contact_of
-from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.scheme import ExplicitScheme
+from tripod_sim.integrators.schemes import SCHEMES, bdf2, implicit_euler, tr_bdf2
 from tripod_sim.mesh.described import described_mesh, element_of
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
@@ -310,7 +311,8 @@ def _default(scene: Scene) -> dict[str, Value]:
     if scene.mesh:
         found |= {"mesh.element": element_of(scene.mesh), "mesh.refine": scene.mesh.refine}
     if scene.inertia:
-        found["inertia.scheme"] = scene.inertia.scheme if scene.inertia.scheme != "auto" else "implicit_euler"
+        scheme = scene.inertia.integrator
+        found["inertia.scheme"] = (implicit_euler.SCHEME if scheme.is_automatic else scheme).name
     found["dt"] = scene.dt
     if _soft(scene):
         found["solver.mode"] = scene.solver.mode
@@ -334,7 +336,7 @@ def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) ->
     if "solver.mode" in default:
         fine["solver.mode"] = "newton"
     if made.inertia:
-        schemes = ("tr_bdf2", "bdf2", "implicit_euler", made.inertia.scheme)
+        schemes = (*(s.SCHEME.name for s in (tr_bdf2, bdf2, implicit_euler)), made.inertia.scheme)
         fine["inertia.scheme"] = next(s for s in schemes if tries.takes({**fine, "inertia.scheme": s}))
     most, first = QUICK_FINEST if quick else FINEST, made.mesh.refine if made.mesh else 0
     for parts in dict.fromkeys((most, 8)):
@@ -363,10 +365,10 @@ def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) 
     steps = [made.dt * share for share in (QUICK_STEPS if quick else STEPS)]
     schemes: list[str] = []
     if made.inertia:
-        few, more = ("implicit_euler", "tr_bdf2"), ("implicit_euler", "bdf2", "tr_bdf2")
-        schemes = [*(few if quick else more)]
+        few, more = (implicit_euler, tr_bdf2), (implicit_euler, bdf2, tr_bdf2)
+        schemes = [s.SCHEME.name for s in (few if quick else more)]
         if not (made.mesh or quick):
-            schemes += [s for s in EXPLICIT if s != "explicit_euler"]
+            schemes += [s.name for s in SCHEMES.values() if isinstance(s, ExplicitScheme) and s.is_stable]
         schemes = list(dict.fromkeys([str(default["inertia.scheme"]), *schemes]))
     best = {**default} | ({"inertia.scheme": finest["inertia.scheme"]} if made.inertia else {})
     points = grid(default, **({"inertia__scheme": schemes, "dt": steps} if made.inertia else {"dt": steps}))

@@ -1,12 +1,13 @@
-"""The implicit schemes: their steps are stages, each of which looks back on one at most (see `looking_back`)."""
+"""Steps of the implicit schemes: each a list of stages (see `scheme`)."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.looking_back import Memory, Stage, implicit_euler, stages
+from tripod_sim.integrators.history import History
 from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.integrators.scheme import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.state import State
 
@@ -14,31 +15,32 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.time_error import ErrorTransport
 
 
-class ImplicitScheme:
-    """Implicit Euler, BDF2 or TR-BDF2.
+class ImplicitSteps:
+    """Advances a state by an implicit scheme.
 
-    The first step of a scheme that looks back, and the first after `forget`, is one of implicit Euler. That gives the
+    The first step of a multistep scheme, and the first after `forget`, is one of implicit Euler. That gives the
     acceleration: to take it from the forces at the start would throw a crumpled body apart.
     """
 
-    def __init__(self, name: str, stage: ImplicitStage) -> None:
+    def __init__(self, scheme: ImplicitScheme, stage: ImplicitStage) -> None:
         """Prepare.
 
         Args:
-            name: Of the scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`.
-            stage: Solves its stages.
+            scheme: Gives the stages.
+            stage: Solves them.
         """
         self.newton = stage.newton
         self.errors: ErrorTransport | None = None
         self._bound, self._used_history = stage.newton.bound, False
-        self._name, self._stage = name, stage
-        self._remembers = name in ("bdf2", "tr_bdf2")
-        self._memory = Memory(stage.known.shape)
-        self._draft = Memory(
-            stage.known.shape
+        self._scheme, self._stage = scheme, stage
+        shape, velocities = stage.known.shape, slice(1, 2)
+        self._history = History(shape, velocities)
+        self._draft = History(
+            shape, velocities
         )  # of a part that may still fail, which leaves that above as it was
-        self._seen = np.zeros((3, *stage.known.shape))  # at the start of a part and at the end of each stage
-        self._before = 0.0  # length of the part before [s], 0 where the next looks back on nothing
+        most = len(scheme.stages(1.0, 1.0))
+        self._seen = np.zeros((1 + most, *shape))  # at the start of a part and at the end of each stage
+        self._before = 0.0  # length of the part before [s], 0 where the next uses nothing of it
 
     @property
     def looks_back(self) -> bool:
@@ -51,22 +53,21 @@ class ImplicitScheme:
 
     def keep_history(self) -> None:
         """Remember the history, for `recall_history`."""
-        self._kept = self._before, self._memory.change.copy(), self._memory.rate.copy()
+        self._kept = self._before, [a.copy() for a in self._history.arrays()]
 
     def recall_history(self) -> None:
         """Take back what the last part has changed in the history."""
-        self._before, self._memory.change[:], self._memory.rate[:] = self._kept
+        self._before, kept = self._kept
+        for array, before in zip(self._history.arrays(), kept, strict=True):
+            array[:] = before
 
     def renew(self, state: State, dt: float) -> None:
         """Factor for the next step now, if it would begin so."""
-        first = self._stages(dt)[0]
-        if self._stage.newton.renews(first.s):
+        first = self._scheme.stages(dt, self._before)[0]
+        if self._stage.newton.renews(first.key):
             self._stage.read(state, self._seen[0])
-            self._memory.known(self._seen[0], first, self._stage.known)
-            self._stage.renew(state, first.s)
-
-    def _stages(self, h: float) -> tuple[Stage, ...]:
-        return stages(self._name, h, self._before) if self._before else (implicit_euler(h),)
+            self._history.known(self._seen[0], first, self._stage.known)
+            self._stage.renew(state, first)
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
@@ -92,15 +93,15 @@ class ImplicitScheme:
         """Advance `state` by `h` [s] while the driven frames move to `joints`, in place, or raise NewtonError."""
         if self._bound:
             self._used_history, self._bound.pulled = self.looks_back, False
-        stage, memory, draft, seen = self._stage, self._memory, self._draft, self._seen
+        stage, history, draft, seen = self._stage, self._history, self._draft, self._seen
         total = NewtonReport()
         stage.read(state, seen[0])
         start, done = state.joints.copy(), 0.0
-        for k, one in enumerate(planned := self._stages(h)):
+        for k, one in enumerate(planned := self._scheme.stages(h, self._before)):
             done += one.length
             last = k == len(planned) - 1
-            memory.known(seen[k], one, stage.known)
-            report = stage.solve(state, joints if last else start + done / h * (joints - start), one.s)
+            history.known(seen[k], one, stage.known)
+            report = stage.solve(state, joints if last else start + done / h * (joints - start), one)
             if self.errors:
                 self.errors.keep_residual(k)
             total.iterations += report.iterations
@@ -108,25 +109,12 @@ class ImplicitScheme:
             total.linear_iterations += report.linear_iterations
             total.residual = report.residual
             if self.errors and state.errors and last:
-                self._carry_errors(state, h)
-            if self._remembers:
+                self.errors.carry(state.errors, planned, seen[0, 1], state.velocities, stage.known[1], h)
+            if self._scheme.is_multistep:
                 stage.read(state, seen[k + 1])
+                draft.follow(history, one)
                 draft.note(seen[k], stage.known, seen[k + 1], one)
-                memory = draft
-        if self._remembers:
-            self._memory, self._draft, self._before = self._draft, self._memory, h
+                history = draft
+        if self._scheme.is_multistep:
+            self._history, self._draft, self._before = self._draft, self._history, h
         return total
-
-    def _carry_errors(self, state: State, h: float) -> None:
-        """Carry the errors of the time steps over a part of `h` [s] to `state`."""
-        errors, of = self.errors, state.errors
-        assert errors and of
-        start, end, u = self._seen[0, 1], state.velocities, self._stage.known[1]
-        if errors.rests(of, start, end, h):
-            return
-        if not self._before:
-            errors.euler(of, start, end, h, keep_rates=self._name == "tr_bdf2")
-        elif self._name == "bdf2":
-            errors.bdf2(of, start, end, u, h, h / self._before)
-        else:
-            errors.tr_bdf2(of, start, end, u, h)
