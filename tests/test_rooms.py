@@ -44,7 +44,7 @@ UPWARD = {
     "forces -> effects": 1,
     "forces -> springs": 3,
     "integrators -> contact": 3,
-    "integrators -> effects": 2,
+    "integrators -> effects": 1,
     "integrators -> springs": 2,
     "integrators -> steps": 3,
     "materials -> tables": 1,

@@ -142,7 +142,7 @@ IDEAS = {
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 5, circles),
     "types": Idea(0, 15, types),
-    "scheme names": Idea(0, 33, scheme_names),
+    "scheme names": Idea(0, 11, scheme_names),
 }
 
 
