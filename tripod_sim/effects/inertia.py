@@ -56,7 +56,7 @@ PARAMETERS = {name: [s.name for s in SCHEMES.values() if name in s.parameters]
 def check(inertia: Inertia, scene: Described) -> None:
     """Raise SceneError for a parameter of another scheme."""
     for name, takers in PARAMETERS.items():
-        if getattr(inertia, name) is not None and inertia.scheme not in takers:
+        if getattr(inertia, name) is not None and name not in SCHEMES[inertia.scheme].parameters:
             raise SceneError(
                 f"inertia.{name} is {getattr(inertia, name):g}, but inertia.scheme is {inertia.scheme!r}, which does "
                 f"not use it; leave it out, or set inertia.scheme to {' or '.join(takers)}"

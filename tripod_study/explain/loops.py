@@ -17,11 +17,11 @@ from tripod_study.explain.objects import walk
 LONG, REPEATS = 1e-3, 5
 """Time of one repetition of a kernel [s]; the least of so many counts."""
 
-IMPLICIT = (
+IMPLICIT_SPRINGS = (
     "tripod_sim.springs.stage.SpringNewton",
     "tripod_sim.springs.implicit.StaticSprings",
 )
-EXPLICIT = "tripod_sim.springs.explicit.ExplicitSprings"
+EXPLICIT_SPRINGS = "tripod_sim.springs.explicit.ExplicitSprings"
 AUTOMATIC = "tripod_sim.springs.automatic.AutomaticSprings"
 
 
@@ -35,9 +35,9 @@ def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dic
     """
     for value, _ in walk(simulation):
         kind = f"{type(value).__module__}.{type(value).__qualname__}"
-        if kind in IMPLICIT:
+        if kind in IMPLICIT_SPRINGS:
             return _implicit(value, simulation, report, steps)
-        if kind == EXPLICIT:
+        if kind == EXPLICIT_SPRINGS:
             return _explicit(value, simulation, report, steps)
         if kind == AUTOMATIC:
             return _automatic(value, simulation, report, steps)
