@@ -139,7 +139,7 @@ def distorted(element: str) -> SolidMesh:
     """Return a block of 3x3x3 cells whose inner and outer corners are moved by up to 12 % of an edge."""
     straight = brick("h8_modes", (np.arange(4.0),) * 3)
     noise = np.random.default_rng(5).uniform(-0.12, 0.12, straight.nodes.shape)
-    mesh = SolidMesh(straight.nodes + noise, straight.elements)
+    mesh = SolidMesh.of(straight.nodes + noise, straight.elements)
     return mesh if element == "h8_modes" else convert(mesh, element)
 
 

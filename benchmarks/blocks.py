@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
-from tripod_sim.elements.element import node_volumes
+from tripod_sim.elements.element import node_volumes, row_sums
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.element_inertia import ElementInertia, ElementMasses, lacking
@@ -36,7 +36,7 @@ def brick(element: str, lines: Sequence[NDArray[Any]]) -> SolidMesh:
     n = np.arange(len(nodes)).reshape(a, b, c)
     corners = ((CORNERS + 1) // 2).astype(int)
     cells = [n[p : a - 1 + p, q : b - 1 + q, r : c - 1 + r].ravel() for p, q, r in corners]
-    mesh = SolidMesh(nodes, np.stack(cells, axis=1))
+    mesh = SolidMesh.of(nodes, np.stack(cells, axis=1))
     if element != mesh.kind.name:
         mesh = convert(mesh, element)
     check_mesh(mesh, "brick")
@@ -55,7 +55,7 @@ def lumped(mesh: SolidMesh, mass: float) -> tuple[FloatArray, FloatArray]:
 
 def beside(mesh: SolidMesh, mass: float) -> list[ElementMasses]:
     """Return what those of `lumped` lack of the inertia of quadratic elements, in all of `mass` [kg]."""
-    if mesh.kind.size in (4, 8):
+    if mesh.kind.lumping is row_sums:
         return []
     nodes = mesh.nodes[mesh.elements]
     density = mass / node_volumes(mesh.kind, nodes)[0].sum()

@@ -25,8 +25,6 @@ from tests.scenes import SHARP
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.element import node_volumes
-from tripod_sim.elements.hexahedron import gauss
-from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.materials.law import initial_young
 from tripod_sim.robot.disc import effector_disc
@@ -159,7 +157,7 @@ def bedding(simulation: Simulation, nodes: IndexArray) -> FloatArray:
     mesh, clamp = simulation.mesh, simulation.scene.clamp
     assert clamp
     held = mesh.elements[np.isin(mesh.elements, nodes).all(axis=1)]
-    points, weights = gauss(3) if mesh.kind.corners == 8 else (T10.points, T10.weights)
+    points, weights = mesh.kind.products
     volumes = np.abs(np.linalg.det(mesh.kind.jacobians(mesh.nodes[held], points))) * weights
     values = mesh.kind.functions(points)
     place = np.full(len(mesh.nodes), -1)

@@ -32,7 +32,8 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import CORNERS
-from tripod_sim.mesh.convert import convert, right_handed
+from tripod_sim.elements.tetrahedron import right_handed
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.refine import refine
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.mesh.suited import TOLD, suited
@@ -135,7 +136,7 @@ def alternating(mesh: SolidMesh, places: IndexArray) -> SolidMesh:
         found.append([right_handed(t, CORNERS.astype(float)) for t in (middle, *cut)])
     parity = places.sum(axis=1) % 2
     elements = np.concatenate([mesh.elements[parity == odd][:, np.array(found[odd])] for odd in (0, 1)])
-    return SolidMesh(mesh.nodes, elements.reshape(-1, 4), ELEMENTS["t4"])
+    return SolidMesh.of(mesh.nodes, elements.reshape(-1, 4), ELEMENTS["t4"])
 
 
 class Case(NamedTuple):
@@ -179,7 +180,7 @@ def made(seed: int) -> Case:
     elements = np.stack([numbers[tuple((places + c).T)] for c in corners], axis=1)
     used, elements = np.unique(elements, return_inverse=True)
     x = shape(rng, x)
-    plain = SolidMesh(x[used], elements.reshape(-1, 8), ELEMENTS["h8"])
+    plain = SolidMesh.of(x[used], elements.reshape(-1, 8), ELEMENTS["h8"])
     check_mesh(plain, f"mesh {seed}")
     mesh = convert(plain, "t4" if kind.startswith("t4") else kind)
     if kind == "t4 alternating":

@@ -35,7 +35,7 @@ from benchmarks.blocks import brick, elastic
 from benchmarks.doc_parts import write_part
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.forces.set_loads import _integrals
+from tripod_sim.forces.set_loads import face_integrals, faces_within
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene_file import scene_from_toml
 
@@ -62,7 +62,7 @@ def cook_incompressible(element: str) -> float:
     grid = brick(element, [np.linspace(0, 1, n + 1) for n in (48, 48, 1)])
     s, t, z = grid.nodes.T
     low, high = 44 * s, 44 + 16 * s
-    mesh = SolidMesh(np.stack([48 * s, low + t * (high - low), z], axis=1), grid.elements, grid.kind)
+    mesh = SolidMesh.of(np.stack([48 * s, low + t * (high - low), z], axis=1), grid.elements, grid.kind)
     held = np.stack([s < 1e-9, s < 1e-9, np.ones(len(s), bool)], axis=1)
     right = np.flatnonzero(s > 1 - 1e-9)
     force = np.zeros((len(s), 3))
@@ -82,7 +82,7 @@ def ring(element: str, cells: tuple[int, int, int], height: float) -> SolidMesh:
     s, t, z = grid.nodes.T
     angle = t * np.pi / 2
     nodes = np.stack([(2 + 1.25 * s) * np.cos(angle), (1 + 1.75 * s) * np.sin(angle), height * z], axis=1)
-    return SolidMesh(nodes, grid.elements, grid.kind)
+    return SolidMesh.of(nodes, grid.elements, grid.kind)
 
 
 def displaced(
@@ -126,8 +126,9 @@ def stress_yy(mesh: SolidMesh, u: FloatArray, place: FloatArray) -> float:
 
 def pushed(mesh: SolidMesh, nodes: IndexArray, pressure: float) -> FloatArray:
     """Return the forces of a pressure [Pa] on the faces whose nodes are all among `nodes` [N], shape (n, 3)."""
-    faces, force = mesh.boundary[np.isin(mesh.boundary, nodes).all(axis=1)], np.zeros((len(mesh.nodes), 3))
-    np.add.at(force, faces, -pressure * _integrals(mesh.kind, mesh.nodes[faces])[2])
+    force = np.zeros((len(mesh.nodes), 3))
+    for faces in faces_within(mesh, nodes):
+        np.add.at(force, faces.nodes, -pressure * face_integrals(faces, mesh.nodes)[2])
     return force
 
 

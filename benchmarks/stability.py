@@ -107,7 +107,7 @@ def add_noise(simulation: Simulation, share: float) -> None:
     mesh, effector = simulation.mesh, simulation.scene.effector
     assert effector
     corners = mesh.nodes[mesh.elements[:, : mesh.kind.corners]]
-    face = [f[: mesh.kind.face_corners] for f in mesh.kind.faces]
+    face = [f.loop for f in mesh.kind.faces]
     edges = sorted({tuple(sorted((f[i - 1], f[i]))) for f in face for i in range(len(f))})
     lengths = np.linalg.norm(corners[:, [a for a, _ in edges]] - corners[:, [b for _, b in edges]], axis=2)
     total, count = np.zeros(len(mesh.nodes)), np.zeros(len(mesh.nodes))

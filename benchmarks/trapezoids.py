@@ -39,9 +39,9 @@ def leaning(element: str, cells: int, tilt: float, thick: int = 1) -> SolidMesh:
     column = np.rint(x[:, 0] / LENGTH * cells).astype(int)
     inner = (column > 0) & (column < cells)
     x[:, 0] += inner * np.where(column % 2, 1, -1) * x[:, 2] * math.tan(tilt)
-    if ELEMENTS[element].size == 8:
-        return SolidMesh(x, mesh.elements, ELEMENTS[element])
-    return convert(SolidMesh(x, mesh.elements, mesh.kind), element)
+    if ELEMENTS[element].size == mesh.kind.size:
+        return SolidMesh.of(x, mesh.elements, ELEMENTS[element])
+    return convert(SolidMesh.of(x, mesh.elements, mesh.kind), element)
 
 
 def deflection(mesh: SolidMesh) -> float:

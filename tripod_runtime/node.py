@@ -130,7 +130,7 @@ class SimNode(Node):
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
-            f"scene {scene.name}: {len(simulation.mesh.nodes)} nodes, {len(simulation.mesh.elements)} elements, "
+            f"scene {scene.name}: {len(simulation.mesh.nodes)} nodes, {simulation.mesh.count} elements, "
             f"dt {scene.dt:g} s"
         )
         self._log_notes()

@@ -94,7 +94,7 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     def read(description: Mesh) -> SolidMesh:
         say(f"making the mesh {description.source!r}")
         mesh = described_mesh(description)
-        say(f"building {len(mesh.elements)} elements, {len(mesh.nodes)} nodes")
+        say(f"building {mesh.count} elements, {len(mesh.nodes)} nodes")
         return mesh
 
     assembly, notes = assembled(scene, read)
@@ -139,7 +139,7 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
             linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
         )  # fmt: skip
 
-    elements = sum(len(body.solid.elements) for body in assembly.bodies if body.solid)
+    elements = sum(body.solid.count for body in assembly.bodies if body.solid)
     say(f"looking for an order of the unknowns: {elements} elements")
     system = made(draft.groups)
     say(f"preparing the first step: {elements} elements, {system.unknowns} unknowns")
@@ -177,7 +177,7 @@ def _check_held(assembly: Assembly, groups: Groups, when: str) -> None:
     if first.solid and len(assembly.bodies) == 1:
         source = f"mesh.source {first.table.mesh.source!r}" if first.table.mesh else source
         check_held(first.solid, groups.rigid, np.flatnonzero(held.any(axis=1)), source)
-    blocks = [body.blocks for body in assembly.bodies]
+    blocks = [block for body in assembly.bodies for block in body.blocks]
     if free := free_motion([*blocks, *groups.rigid], assembly.nodes, held):
         raise SceneError(
             f"{source}: {free}; {when} that motion must be held too: add [[fixed]] there, or [inertia]"

@@ -1,7 +1,7 @@
 """Sets: which nodes, and of a solid which elements, the names of a scene mean."""
 
 import difflib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -72,8 +72,8 @@ class NodeSets:
         self,
         name: str,
         field: str,
-        blocks: IndexArray,
-        shares: FloatArray,
+        blocks: Sequence[IndexArray],
+        shares: Sequence[FloatArray],
         cell_groups: Mapping[str, IndexArray],
     ) -> IndexArray:
         """Return the elements of a solid that are in a set, ascending; there may be none.
@@ -84,8 +84,8 @@ class NodeSets:
         Args:
             name: Of the set.
             field: Who asks, for messages.
-            blocks: Nodes of each element, shape (m, k).
-            shares: Of each node in the volume of its element, shape (m, k): they weigh the nodes in the centroid.
+            blocks: Nodes of each element, shape (m, k), by the kinds of elements.
+            shares: Of each node in the volume of its element, as `blocks`: they weigh the nodes in the centroid.
             cell_groups: Elements of groups of the mesh file, by the name that the group has here.
 
         Raises:
@@ -95,12 +95,16 @@ class NodeSets:
 
         def of(group: str) -> BoolArray:
             if group in cell_groups:
-                return np.isin(np.arange(len(blocks)), cell_groups[group])
-            return np.asarray(np.isin(blocks, self._found[group]).all(axis=1))
+                return np.isin(np.arange(sum(map(len, blocks))), cell_groups[group])
+            return np.concatenate([np.isin(nodes, self._found[group]).all(axis=1) for nodes in blocks])
 
         if not (table := self._tables.get(name)):
             return np.flatnonzero(of(name))
-        chosen = _distance(table, np.einsum("ek,eki->ei", shares, self._nodes[blocks])) <= table.tolerance
+        places = [
+            np.einsum("ek,eki->ei", own, self._nodes[nodes])
+            for own, nodes in zip(shares, blocks, strict=True)
+        ]
+        chosen = _distance(table, np.concatenate(places)) <= table.tolerance
         for group in filter(None, (table.body, table.group)):
             chosen &= of(group)
         return np.flatnonzero(chosen)

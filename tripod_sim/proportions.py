@@ -13,9 +13,9 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import SoftBody
 from tripod_sim.effect import Draft
-from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import Doubt
 from tripod_sim.materials.law import initial_young
+from tripod_sim.mesh.solid_mesh import solid_volumes
 from tripod_sim.tables.bodies import Material
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
@@ -98,7 +98,7 @@ def _stiffness(body: SoftBody) -> float:
         energy = float((body.net.stiffness * body.net.rest_length**2).sum())
         return energy or np.inf
     assert body.solid
-    volume = float(node_volumes(body.solid.kind, body.solid.nodes[body.solid.elements])[0].sum())
+    volume = float(solid_volumes(body.solid).sum())
     return initial_young(body.table.material or Material()) * volume
 
 

@@ -203,7 +203,7 @@ def test_neither_turning_nor_scaling_nor_numbering_changes_it() -> None:
     elements = np.where(rng.random(len(mesh.elements))[:, None] < 0.5, mesh.elements, mesh.elements[:, axes])
     order = rng.permutation(len(x))
     place = np.argsort(order)
-    one = SolidMesh(x, mesh.elements, mesh.kind)
-    other = SolidMesh(1e-3 * (x @ turn.T)[order], place[elements], mesh.kind)
+    one = SolidMesh.of(x, mesh.elements, mesh.kind)
+    other = SolidMesh.of(1e-3 * (x @ turn.T)[order], place[elements], mesh.kind)
     assert 0.2 < found(one).softest < 0.95
     assert found(other).softest == pytest.approx(found(one).softest, abs=1e-3)

@@ -91,6 +91,9 @@ def test_the_energy_of_the_bedding_is_the_integral_of_the_slip_squared(name: str
     if kind.corners == 4:  # integrals of 1, x, x² and xy over the tetrahedron of the three unit vectors
         one, first, square, mixed = 1 / 6, 1 / 24, 1 / 60, 1 / 120
         parts = square + (0.09 * one + 0.6 * first + square) + (2 * square - 2 * mixed)
+    elif kind.plain.cell == "wedge":  # over the unit triangle times [-1, 1]; odd powers of z drop out
+        slip = np.column_stack([x, 0.3 + y, z - x]) * 1e-4
+        parts = 1 / 6 + (0.09 + 0.6 / 3 + 1 / 6) + (1 / 3 + 1 / 6)
     else:  # over the cube [-1, 1]³; odd powers drop out
         even = 8 / (2 * power + 1)
         parts = even + (0.09 * 8 + 8 / 9) + (even + 8 / 3)

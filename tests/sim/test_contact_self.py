@@ -183,7 +183,7 @@ def slit_panel(width: float, height: float) -> Part:
     slit = (centres[:, 0] > 0.002) & (np.abs(centres[:, 2] - height / 2) < width / 2)
     kept = np.asarray(block.elements)[~slit]
     nodes, elements = np.unique(kept, return_inverse=True)
-    mesh = SolidMesh(np.array(block.nodes)[nodes], elements.reshape(kept.shape), block.kind)
+    mesh = SolidMesh.of(np.array(block.nodes)[nodes], elements.reshape(kept.shape), block.kind)
     filled = np.ones(len(mesh.surface), dtype=np.bool_)
     return Part(np.array(mesh.nodes), mesh.surface, filled=filled, self_contact=True)
 

@@ -50,19 +50,19 @@ def hollow(element: str) -> SolidMesh:
     """A cube of 3 x 3 x 3 cells without the middle one."""
     mesh = brick("h8", [np.linspace(0, 3, 4)] * 3)
     inside = np.abs(mesh.nodes[mesh.elements].mean(axis=1) - 1.5).max(axis=1) < 0.1
-    cells = SolidMesh(mesh.nodes, mesh.elements[~inside], mesh.kind)
+    cells = SolidMesh.of(mesh.nodes, mesh.elements[~inside], mesh.kind)
     return cells if element == "h8" else convert(cells, element)
 
 
 @pytest.mark.parametrize("element", ["h8", "t10", "h20", "h27"])
 def test_a_chamber_and_a_whole_surface_are_closed_and_a_part_of_them_is_not(element: str) -> None:
     mesh = hollow(element)
-    faces = mesh.boundary[:, : mesh.kind.face_corners]
+    faces = mesh.boundary[0].corners
     inner = (np.abs(mesh.nodes[faces] - 1.5).max(axis=2) < 0.6).all(axis=1)
-    assert inner.sum() == (6 if mesh.kind.face_corners == 4 else 12)
-    assert is_closed(faces) and is_closed(faces[inner]) and is_closed(faces[~inner])
-    assert not is_closed(faces[inner][1:])
-    assert is_closed(np.concatenate([faces[inner], faces[~inner][:5]])), "a closed part counts"
+    assert inner.sum() == (6 if faces.shape[1] == 4 else 12)
+    assert is_closed([faces]) and is_closed([faces[inner]]) and is_closed([faces[~inner]])
+    assert not is_closed([faces[inner][1:]])
+    assert is_closed([faces[inner], faces[~inner][:5]]), "a closed part counts"
 
 
 def test_a_pressure_on_a_closed_surface_is_told_of_at_the_start(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_what_turns_less_is_not_told_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize("corners", [3, 4])
 def test_the_turn_is_that_of_the_normal(corners: int) -> None:
     rest = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
-    watch = TurnWatch("load.0", np.arange(corners)[None], rest)
+    watch = TurnWatch("load.0", [np.arange(corners)[None]], rest)
     for degrees, told in ((9.9, False), (10.1, True), (170.0, True)):
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         assert bool(watch(rest @ [[1, 0, 0], [0, c, s], [0, -s, c]])) == told

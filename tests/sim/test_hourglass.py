@@ -29,7 +29,7 @@ def cells(
     mesh = brick("h8", [np.linspace(0, n * s, n + 1) for n, s in zip(counts, size, strict=True)])
     x = np.array(mesh.nodes)
     x += bend * np.array(size) * np.sin(3 * (x / size)[:, [1, 2, 0]] + (x / size)[:, [2, 0, 1]])
-    return convert(SolidMesh(x, mesh.elements), "h20")
+    return convert(SolidMesh.of(x, mesh.elements), "h20")
 
 
 @pytest.mark.parametrize("size", [(1, 1, 1), (10, 1, 1), (1, 1, 0.1)])
@@ -41,7 +41,7 @@ def test_the_motions_without_energy_are_counted(
     mesh = cells(counts, size)
     zeros = []
     for name in ("h20", "h20_full"):
-        same = SolidMesh(mesh.nodes, mesh.elements, ELEMENTS[name])
+        same = SolidMesh.of(mesh.nodes, mesh.elements, ELEMENTS[name])
         matrix = tangent(elastic(same, 1.0, 0.0), same, np.array(same.nodes))
         root = np.sqrt(matrix.diagonal())
         zeros.append(int((np.linalg.eigvalsh(matrix / np.outer(root, root)) < 1e-9).sum()))

@@ -145,7 +145,8 @@ def tip_deflection(kind: str, cells: tuple[int, int, int], poisson: float, law: 
     young, length = 1000.0, 10.0
     straight = block(H8_MODES, cells, noise=0.0)
     mesh = convert(
-        SolidMesh(straight.nodes * [length / cells[0], 1 / cells[1], 1 / cells[2]], straight.elements), kind
+        SolidMesh.of(straight.nodes * [length / cells[0], 1 / cells[1], 1 / cells[2]], straight.elements),
+        kind,
     )
     lam, mu = lame_constants(young, poisson)
     solid = Solid(mesh.nodes, np.array(mesh.elements), mesh.kind, law, law_vector(law, lam, mu))

@@ -37,7 +37,7 @@ def bricks(*origins: tuple[float, float, float]) -> SolidMesh:
     """Return unit bricks that share the nodes at which they touch."""
     corners = np.concatenate([BRICK + np.array(origin) for origin in origins])
     nodes, elements = np.unique(corners, axis=0, return_inverse=True)
-    return SolidMesh(nodes, elements.reshape(-1, 8))
+    return SolidMesh.of(nodes, elements.reshape(-1, 8))
 
 
 def refusal(mesh: SolidMesh) -> str:
@@ -88,7 +88,7 @@ def test_a_hostile_crowd_costs_no_square_of_its_size() -> None:
 
 
 def test_edges_are_counted_once_for_each_polygon() -> None:
-    edges, uses = edge_uses(np.array([[0, 1, 2, 3], [1, 0, 4, 5]]))
+    edges, uses = edge_uses([np.array([[0, 1, 2, 3], [1, 0, 4, 5]])])
     assert {tuple(e): n for e, n in zip(edges.tolist(), uses.tolist(), strict=True)} == {
         (0, 1): 2, (1, 2): 1, (2, 3): 1, (0, 3): 1, (0, 4): 1, (4, 5): 1, (1, 5): 1
     }  # fmt: skip
@@ -181,7 +181,7 @@ def test_a_face_of_three_elements_is_refused_with_its_nodes() -> None:
         if mesh.nodes[node, 0] == 2:
             _, y, z = mesh.nodes[node]
             third[corner] = n + int(y) + 2 * int(z)
-    refused = refusal(SolidMesh(nodes, [*mesh.elements, third]))
+    refused = refusal(SolidMesh.of(nodes, [*mesh.elements, third]))
     assert_names(refused, "the mesh", f"faces at nodes {', '.join(map(str, face))}", "more than two elements")
 
 
@@ -236,12 +236,12 @@ def test_a_mesh_that_was_accepted_is_checked_once_and_another_like_it_again(
     monkeypatch.setattr(solid_mesh, "element_quality", lambda m: asked.append(m) or whole(m))
     solid_mesh._check.cache_clear()
     for _ in range(3):
-        check_mesh(SolidMesh(mesh.nodes, mesh.elements), "the mesh")
+        check_mesh(SolidMesh.of(mesh.nodes, mesh.elements), "the mesh")
     assert len(asked) == 1
     moved = mesh.nodes.copy()
     moved[mesh.elements[0, 6]] -= 3.0
-    assert_names(refusal(SolidMesh(moved, mesh.elements)), "inverted")
-    assert_names(refusal(SolidMesh(mesh.nodes, mesh.elements[:, [4, 5, 6, 7, 0, 1, 2, 3]])), "inverted")
+    assert_names(refusal(SolidMesh.of(moved, mesh.elements)), "inverted")
+    assert_names(refusal(SolidMesh.of(mesh.nodes, mesh.elements[:, [4, 5, 6, 7, 0, 1, 2, 3]])), "inverted")
 
 
 MILLIMETRES = """

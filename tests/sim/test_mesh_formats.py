@@ -13,7 +13,6 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.described import described_mesh, element_of
 from tripod_sim.mesh.file_format import format_of
-from tripod_sim.mesh.fit import mirrored
 from tripod_sim.mesh.read import read_solid
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.scene_file import load_scene
@@ -84,7 +83,7 @@ def test_gid_is_read_by_any_name(tmp_path: Path) -> None:
 def test_a_surface_is_no_solid_and_the_message_says_what_to_do(tmp_path: Path) -> None:
     """Faces with normals, as most programs write them, which meshio does not read."""
     (tmp_path / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 1\nf 1//1 2//1 3//1\n")
-    with raises_naming(SceneError, "cube.obj", "tetrahedra or hexahedra", "OBJ", "gmsh", "obstacles.source"):
+    with raises_naming(SceneError, "cube.obj", "cells with a volume", "OBJ", "gmsh", "obstacles.source"):
         described_mesh(Mesh(str(tmp_path / "cube.obj")))
 
 
@@ -100,7 +99,7 @@ T10 = block("t10", (1, 1, 1))
 def abaqus(solid: str = "C3D10", springs: int = 0, more: str = "") -> str:
     """Return a block of ten-node tetrahedra as gmsh writes it: surface cells of six nodes first, and sets."""
     text = ["*Heading", " x.inp", "*NODE", NODES.rstrip(), "*ELEMENT, type=CPS6, ELSET=Surface1"]
-    face = T10.elements[0][list(T10.kind.faces[0])] + 1
+    face = T10.elements[0][list(T10.kind.faces[0].nodes)] + 1
     text += ["1, " + ", ".join(map(str, face)), f"*Element, TYPE={solid}, ELSET=Volume1"]
     text += [f"{i}, " + ", ".join(map(str, row)) for i, row in enumerate((T10.elements + 1).tolist(), 2)]
     text += ["*ELEMENT, TYPE=SPRINGA", *(f"{900 + i}, 1, 2" for i in range(springs))] if springs else []
@@ -114,7 +113,7 @@ def test_an_abaqus_file_of_gmsh_is_read_with_its_surfaces_and_sets(tmp_path: Pat
     found = described_mesh(Mesh(str(tmp_path / "x.inp")))
     assert found.kind.name == "t10"
     np.testing.assert_array_equal(found.elements, T10.elements)
-    face = sorted(T10.elements[0][list(T10.kind.faces[0])].tolist())
+    face = sorted(T10.elements[0][list(T10.kind.faces[0].nodes)].tolist())
     assert found.groups["Surface1"].tolist() == face
     assert {name: cells.tolist() for name, cells in found.cell_groups.items()} == {
         "Volume1": [0, 1, 2, 3, 4, 5], "Half": [0, 1, 2], "Both": [0, 1, 2]
@@ -272,14 +271,14 @@ def test_a_mesh_that_is_inside_out_is_turned_over_and_told(name: str, tmp_path: 
     check_mesh(found, "corrected")
     assert volume_of(found) == pytest.approx(volume_of(mesh), rel=1e-12)
     assert_names("\n".join(found.notes), f"all {len(mesh.elements)} cells", "x.gidmsh", "corrected")
-    order = mirrored(mesh.kind)
+    order = mesh.kind.mirrored
     assert sorted(order) == list(range(mesh.kind.size))
     assert [order[i] for i in order] == list(range(mesh.kind.size))  # twice is as before
 
 
 def test_a_single_cell_inside_out_is_refused(tmp_path: Path) -> None:
     turned = TETRAHEDRA.elements.copy()
-    turned[2] = turned[2, mirrored(TETRAHEDRA.kind)]
+    turned[2] = turned[2, TETRAHEDRA.kind.mirrored]
     (tmp_path / "x.gidmsh").write_text(gid_text(TETRAHEDRA.nodes, turned, "tetra"))
     with raises_naming(SceneError, "elements 2 ", "inverted"):
         described_mesh(Mesh(str(tmp_path / "x.gidmsh")))
@@ -301,7 +300,7 @@ def test_without_a_name_the_cells_decide_the_element(name: str, expected: str, t
     assert volume_of(found) == pytest.approx(volume_of(mesh), rel=1e-12)
     assert len(found.notes) == (name == "t4")
     if found.notes:
-        assert_names(found.notes[0], "mesh.element", "tetrahedra", "x.gidmsh", "'t10'", "'t4'")
+        assert_names(found.notes[0], "mesh.element", "tetra", "x.gidmsh", "'t10'", "'t4'")
 
 
 def test_what_a_generator_makes_has_the_element_that_it_had() -> None:

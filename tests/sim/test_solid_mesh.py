@@ -35,7 +35,7 @@ def row(count: int) -> SolidMesh:
     """Return unit cubes side by side along x; element i shares its last face with element i + 1."""
     nodes = np.array([[x, y, z] for x in range(count + 1) for z in (0, 1) for y in (0, 1)], float)
     first = np.array([0, 4, 5, 1, 2, 6, 7, 3])
-    return SolidMesh(nodes, first + 4 * np.arange(count)[:, None])
+    return SolidMesh.of(nodes, first + 4 * np.arange(count)[:, None])
 
 
 def volumes(mesh: SolidMesh) -> FloatArray:
@@ -64,7 +64,7 @@ def changed(mesh: SolidMesh, *, nodes: dict | None = None, elements: dict | None
         new_nodes[i] = value
     for i, value in (elements or {}).items():
         new_elements[i] = value
-    return SolidMesh(new_nodes, new_elements)
+    return SolidMesh.of(new_nodes, new_elements)
 
 
 ODD_SHAPE = YShape(0.008, 0.04, 0.1, 0.07, 0.009, 0.004)
@@ -220,7 +220,7 @@ def test_an_impossible_shape_is_refused(shape: str) -> None:
 
 def test_the_topology_id_is_the_crc_of_count_and_connectivity() -> None:
     words = struct.pack("<9q", 8, 0, 1, 2, 3, 4, 5, 6, 7)
-    assert SolidMesh(BRICK, np.arange(8)[None]).topology_id == zlib.crc32(words)
+    assert SolidMesh.of(BRICK, np.arange(8)[None]).topology_id == zlib.crc32(words)
 
 
 def test_the_topology_id_tells_levels_apart_and_ignores_positions() -> None:
@@ -232,14 +232,14 @@ def test_the_topology_id_tells_levels_apart_and_ignores_positions() -> None:
         == len(LEVELS) - 1
     )
     mesh = row(2)
-    assert SolidMesh(mesh.nodes * 2, mesh.elements).topology_id == mesh.topology_id
-    assert SolidMesh(np.vstack([mesh.nodes, [9, 9, 9]]), mesh.elements).topology_id != mesh.topology_id
+    assert SolidMesh.of(mesh.nodes * 2, mesh.elements).topology_id == mesh.topology_id
+    assert SolidMesh.of(np.vstack([mesh.nodes, [9, 9, 9]]), mesh.elements).topology_id != mesh.topology_id
     assert changed(mesh, elements={1: mesh.elements[1, ::-1]}).topology_id != mesh.topology_id
 
 
 def test_a_mesh_keeps_copies_that_nobody_can_write() -> None:
     nodes, elements = BRICK.copy(), np.arange(8)[None].copy()
-    mesh = SolidMesh(nodes, elements)
+    mesh = SolidMesh.of(nodes, elements)
     nodes[0], elements[0, 0] = 7, 7
     np.testing.assert_array_equal(mesh.nodes, BRICK)
     assert mesh.elements[0, 0] == 0
@@ -250,14 +250,14 @@ def test_a_mesh_keeps_copies_that_nobody_can_write() -> None:
 
 def test_quality_is_the_sine_product_of_its_worst_corner() -> None:
     """A brick has 1 at any size; a prism over a rhomb of angle a has sin a at every corner."""
-    quality = element_quality(SolidMesh(BRICK * [1e-6, 3.0, 200.0], np.arange(8)[None]))
+    quality = element_quality(SolidMesh.of(BRICK * [1e-6, 3.0, 200.0], np.arange(8)[None]))
     assert quality == pytest.approx([1.0], rel=1e-12)
     angle = 0.3
     sheared = BRICK @ np.array([[1, 0, 0], [np.cos(angle), np.sin(angle), 0], [0, 0, 1]])
-    assert element_quality(SolidMesh(sheared, np.arange(8)[None])) == pytest.approx(
+    assert element_quality(SolidMesh.of(sheared, np.arange(8)[None])) == pytest.approx(
         [np.sin(angle)], rel=1e-12
     )
-    inward = changed(SolidMesh(BRICK, np.arange(8)[None]), nodes={6: [0.3, 0.3, 0.3]})
+    inward = changed(SolidMesh.of(BRICK, np.arange(8)[None]), nodes={6: [0.3, 0.3, 0.3]})
     assert element_quality(inward)[0] < 0  # one corner pushed in, though the volume is positive
     assert volumes(inward)[0] > 0
 
@@ -273,29 +273,30 @@ FLAT = [[1, 2 * y - 0.5, 2 * z - 0.5] for z in (0, 1) for y in (0, 1)]
     [
         (changed(ROW, elements={3: FLIPPED[3]}), ("elements 3 are inverted", "node order or geometry")),
         (changed(ROW, elements={3: FLIPPED[3], 5: FLIPPED[5]}), ("elements 3, 5 are inverted",)),
-        (SolidMesh(ROW.nodes, FLIPPED), ("elements 0, 1, 2, 3, 4, 5, 6, 7 and", "4 more", "inverted")),
-        (SolidMesh(row(2).nodes * [-1, 1, 1], row(2).elements), ("elements 0, 1 are inverted",)),
+        (SolidMesh.of(ROW.nodes, FLIPPED), ("elements 0, 1, 2, 3, 4, 5, 6, 7 and", "4 more", "inverted")),
+        (SolidMesh.of(row(2).nodes * [-1, 1, 1], row(2).elements), ("elements 0, 1 are inverted",)),
         (changed(row(2), nodes={11: [0.4, 0.4, 0.4]}), ("elements 1 are inverted",)),
         (changed(row(2), nodes=dict(zip(range(8, 12), FLAT, strict=True))), ("elements 1 have no volume",)),
-        (SolidMesh(row(2).nodes * [1, 1, 0] + [0, 0, 1], row(2).elements), ("nodes", "same position")),
-        (SolidMesh(row(2).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [4, 8, 9, 5, 10, 10, 11, 11]]),
+        (SolidMesh.of(row(2).nodes * [1, 1, 0] + [0, 0, 1], row(2).elements), ("nodes", "same position")),
+        (SolidMesh.of(row(2).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [4, 8, 9, 5, 10, 10, 11, 11]]),
          ("elements 1 have no volume",)),
-        (SolidMesh(row(1).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [0, 4, 5, 1, 2, 2, 3, 3]]), ("elements 1 have no volume",)),
+        (SolidMesh.of(row(1).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [0, 4, 5, 1, 2, 2, 3, 3]]),
+         ("elements 1 have no volume",)),
         (changed(row(2), nodes={5: [1, np.nan, 0]}), ("nodes 5 are", "not finite")),
         (changed(row(2), nodes={5: [1, np.inf, 0], 7: [-np.inf, 0, 0]}), ("nodes 5, 7 are", "not finite")),
         (changed(row(3), elements={1: [4, 8, 9, 5, 6, 10, 11, 99]}), ("elements 1 name nodes", "0..15")),
         (changed(row(3), elements={2: [8, 12, 13, 9, 10, 14, 15, -1]}), ("elements 2 name nodes", "0..15")),
         (changed(row(3), elements={2: [8, 12, 13, 9, 10, 14, 15, 16]}), ("elements 2 name nodes", "0..15")),
-        (SolidMesh(np.vstack([row(2).nodes, BRICK]), row(2).elements),
+        (SolidMesh.of(np.vstack([row(2).nodes, BRICK]), row(2).elements),
          ("nodes 12, 13, 14, 15, 16, 17, 18, 19 belong",)),
-        (SolidMesh(row(2).nodes, row(1).elements), ("nodes 8, 9, 10, 11 belong", "no element")),
-        (SolidMesh(np.vstack([BRICK, row(1).nodes + 1]), [range(8), [8, 12, 13, 9, 10, 14, 15, 11]]),
+        (SolidMesh.of(row(2).nodes, row(1).elements), ("nodes 8, 9, 10, 11 belong", "no element")),
+        (SolidMesh.of(np.vstack([BRICK, row(1).nodes + 1]), [range(8), [8, 12, 13, 9, 10, 14, 15, 11]]),
          ("nodes 6, 8 have", "same position")),
-        (SolidMesh(row(3).nodes, row(3).elements[[0, 1, 2, 1]]), ("elements 1, 3 have", "another element")),
-        (SolidMesh(row(2).nodes, np.zeros((0, 8))), ("no elements",)),
-        (SolidMesh(np.zeros((0, 3)), np.zeros((0, 8))), ("no elements",)),
-        (SolidMesh(np.zeros((8, 3)), np.arange(8)[None]), ("nodes 0, 1, 2, 3, 4, 5, 6, 7 have", "same position",)),
-        (SolidMesh(BRICK * 1e-170, np.arange(8)[None]), ("elements 0 have no volume",)),
+        (SolidMesh.of(row(3).nodes, row(3).elements[[0, 1, 2, 1]]), ("elements 1, 3 have", "another element")),
+        (SolidMesh.of(row(2).nodes, np.zeros((0, 8))), ("no elements",)),
+        (SolidMesh.of(np.zeros((0, 3)), np.zeros((0, 8))), ("no elements",)),
+        (SolidMesh.of(np.zeros((8, 3)), np.arange(8)[None]), ("nodes 0, 1, 2, 3, 4, 5, 6, 7 have", "same position",)),
+        (SolidMesh.of(BRICK * 1e-170, np.arange(8)[None]), ("elements 0 have no volume",)),
     ],
 )  # fmt: skip
 def test_an_unusable_mesh_is_refused_with_its_offenders(mesh: SolidMesh, named: tuple[str, ...]) -> None:
@@ -305,7 +306,7 @@ def test_an_unusable_mesh_is_refused_with_its_offenders(mesh: SolidMesh, named: 
 @pytest.mark.parametrize(("size", "shift"), [(1e-6, 0), (1e-6, 1.0), (1.0, -1e6), (1.0, 1e11), (1e9, 1e3)])
 def test_a_valid_mesh_passes_at_any_size_and_place(size: float, shift: float) -> None:
     mesh = row(4)
-    check_mesh(SolidMesh(mesh.nodes * size + shift, mesh.elements), "cubes")
+    check_mesh(SolidMesh.of(mesh.nodes * size + shift, mesh.elements), "cubes")
 
 
 def scene_with(folder: Path, source: str, scale: float = 1.0) -> Path:
@@ -344,7 +345,7 @@ def test_a_mesh_file_gives_the_mesh_that_was_written(name: str, tmp_path: Path) 
 
 def test_other_cells_and_their_nodes_are_left_out(tmp_path: Path) -> None:
     far = np.array([[9.0, 9, 9], [8, 9, 9], [9, 8, 9]])
-    mesh = SolidMesh(np.vstack([far, PIECE.nodes]), PIECE.elements + 3)
+    mesh = SolidMesh.of(np.vstack([far, PIECE.nodes]), PIECE.elements + 3)
     built = build(load_scene(write(tmp_path, mesh, triangle=[[0, 1, 2]], quad=[[0, 1, 2, 4]]))).mesh
     np.testing.assert_array_equal(built.elements, PIECE.elements)
     np.testing.assert_array_equal(built.nodes, PIECE.nodes)
@@ -364,8 +365,9 @@ SWAPPED = PIECE.elements[:, [4, 5, 6, 7, 0, 1, 2, 3]]
     ("mesh", "named"),
     [
         (changed(PIECE, elements={3: SWAPPED[3], 7: SWAPPED[7]}), ("elements 3, 7 are inverted",)),
-        (SolidMesh(PIECE.nodes * [1, 1, 1e-9], PIECE.elements), ("nodes", "same position")),
-        (SolidMesh(PIECE.nodes * [1, 1, 1e-300] + PIECE.nodes[:, :1] * [0, 0, 1], PIECE.elements), ("same position",)),
+        (SolidMesh.of(PIECE.nodes * [1, 1, 1e-9], PIECE.elements), ("nodes", "same position")),
+        (SolidMesh.of(PIECE.nodes * [1, 1, 1e-300] + PIECE.nodes[:, :1] * [0, 0, 1], PIECE.elements),
+         ("same position",)),
         (changed(PIECE, nodes={4: [np.nan, 0, 0]}), ("nodes 4 are", "not finite")),
     ],
 )  # fmt: skip
@@ -412,8 +414,8 @@ def test_a_disc_of_too_few_nodes_is_refused_with_the_radius_that_holds_enough() 
         ("piece.doc", b"x", ("format is unknown",)),
         ("f.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
          b"element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
-         ("no tetrahedra or hexahedra", "triangle")),
-        ("void.obj", b"", ("no tetrahedra or hexahedra", "OBJ")),
+         ("tetra", "hexahedron", "triangle")),
+        ("void.obj", b"", ("cells with a volume", "OBJ")),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_mesh_is_refused(

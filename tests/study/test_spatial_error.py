@@ -11,7 +11,7 @@ from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.mesh.convert import convert
-from tripod_sim.mesh.refine import refine
+from tripod_sim.mesh.refine import HALVED, refine
 from tripod_sim.mesh.solid_mesh import check_mesh
 from tripod_sim.mesh.y_piece import LEVELS, divided, y_piece
 from tripod_study.spatial_error import spatial_error
@@ -20,7 +20,7 @@ SAG, ENERGY = -2.097e-3, 0.6959
 """Height of the flat piece under its weight [m] and strain energy with all servos at -45 degrees [J], converged."""
 
 
-@pytest.mark.parametrize("name", ELEMENTS)
+@pytest.mark.parametrize("name", [e.name for e in ELEMENTS.values() if e.plain.cell in HALVED])
 def test_every_cell_becomes_eight_and_the_volume_stays(name: str) -> None:
     mesh = convert(y_piece(LEVELS[1]), name)
     fine = refine(mesh)
@@ -32,7 +32,7 @@ def test_every_cell_becomes_eight_and_the_volume_stays(name: str) -> None:
     corners = np.unique(mesh.elements[:, : mesh.kind.corners])
     gaps = np.linalg.norm(fine.nodes[:, None] - mesh.nodes[corners][None], axis=2).min(axis=0)
     assert gaps.max() < 1e-12
-    assert len(fine.boundary) == 4 * len(mesh.boundary)  # neighbours fit together
+    assert len(fine.boundary[0].nodes) == 4 * len(mesh.boundary[0].nodes)  # neighbours fit together
 
 
 def test_the_generator_divides_as_its_own_family_of_levels() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import Block, SolidMesh
 from tripod_sim.tables.bodies import Body
 
 if TYPE_CHECKING:  # a kind of body that is absent is not imported
@@ -44,14 +44,18 @@ class SoftBody:
         return found
 
     @property
-    def blocks(self) -> IndexArray:
-        """Its elements or springs in the numbering of all bodies."""
-        return self.nodes[self.mesh.elements]
+    def blocks(self) -> tuple[IndexArray, ...]:
+        """Its elements, those of each kind by themselves, or its springs, in the numbering of all bodies."""
+        if self.solid:
+            return tuple(self.nodes[block.elements] for block in self.solid.blocks)
+        assert self.net
+        return (self.nodes[self.net.ends],)
 
     def among(self, nodes: FloatArray) -> SolidMesh:
         """Return the mesh of a solid in the numbering of all bodies, whose `nodes` are given [m], shape (n, 3)."""
         assert self.solid
-        return replace(self.solid, nodes=nodes, elements=self.blocks, groups={}, cell_groups={})
+        kinds = [block.kind for block in self.solid.blocks]
+        return SolidMesh(nodes, tuple(map(Block, kinds, self.blocks)), notes=self.solid.notes)
 
     def moved(self, nodes: FloatArray) -> "SoftBody":
         """Return it with the places of its nodes taken from those of all bodies [m], shape (n, 3)."""
@@ -106,11 +110,16 @@ class Assembly:
     @cached_property
     def elements(self) -> IndexArray:
         """Nodes of each element and spring, -1 behind those of elements that have fewer than others, shape (m, k)."""
-        blocks = [b.blocks for b in self.bodies]
+        blocks = [block for body in self.bodies for block in body.blocks]
         widest = max(b.shape[1] for b in blocks)
         return np.concatenate(
             [np.pad(b, ((0, 0), (0, widest - b.shape[1])), constant_values=-1) for b in blocks]
         )
+
+    @property
+    def count(self) -> int:
+        """Number of elements and springs."""
+        return sum(body.mesh.count for body in self.bodies)
 
     @cached_property
     def surface(self) -> IndexArray:

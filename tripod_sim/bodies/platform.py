@@ -256,7 +256,9 @@ def lengths(body: SoftBody, nodes: IndexArray, system: System, state: State) -> 
     start = np.setdiff1d(np.intersect1d(body.nodes, held), nodes)
     if not start.size:
         return 0.0, 0.0
-    pairs = np.concatenate([blocks[:, [i, j]] for i, j in combinations(range(blocks.shape[1]), 2)])
+    pairs = np.concatenate(
+        [rows[:, [i, j]] for rows in blocks for i, j in combinations(range(rows.shape[1]), 2)]
+    )
     pairs = np.unique(np.sort(pairs, axis=1), axis=0)
     length = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1)
     graph = sparse.csr_matrix((length, pairs.T), shape=(len(rest), len(rest)))

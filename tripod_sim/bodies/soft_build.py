@@ -9,11 +9,11 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly, AssemblySkin, SoftBody
 from tripod_sim.constraints.groups import Groups, Kind
-from tripod_sim.elements.element import node_volumes
+from tripod_sim.elements.element import row_sums
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.materials.law import parameters_of
-from tripod_sim.mesh.solid_mesh import SolidMesh, names_of
+from tripod_sim.mesh.solid_mesh import SolidMesh, block_volumes, by_block, names_of, solid_volumes
 from tripod_sim.mesh.suited import mass_note, suited, width_note
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
@@ -120,15 +120,16 @@ def masses(assembly: Assembly, sets: NodeSets, size: int) -> Masses:
             continue
         material, mesh = _material(body.table), body.solid
         assert mesh
-        volumes = node_volumes(mesh.kind, mesh.nodes[mesh.elements])
-        volume = volumes[0].sum(axis=1)
+        volume = solid_volumes(mesh)
         density = _densities(body, assembly, sets, volume)
         total = material.mass
         if material.density or any(region.density for region in body.table.region):
             total = float(density @ volume)
-        for mass, parts in zip((load, inert), volumes, strict=True):
+        of_block = by_block(mesh, density / density[0])
+        for mass, parts in zip((load, inert), zip(*block_volumes(mesh), strict=True), strict=True):
             own = np.zeros(len(mesh.nodes))
-            np.add.at(own, mesh.elements, parts * (density / density[0])[:, None])
+            for (_, elements), part, times in zip(mesh.blocks, parts, of_block, strict=True):
+                np.add.at(own, elements, part * times[:, None])
             mass[body.nodes] += own * (total / own.sum())
     return Masses(load, inert)
 
@@ -144,24 +145,24 @@ def _densities(body: SoftBody, assembly: Assembly, sets: NodeSets, volume: Float
 
 
 def element_masses(assembly: Assembly, sets: NodeSets) -> "list[ElementMasses]":
-    """Return what the masses of nodes lack of the inertia of quadratic elements, for each body that has such."""
+    """Return what the masses of nodes lack of the inertia of quadratic elements, for each kind of such in each body."""
     found = []
     for body in assembly.bodies:
-        if not (mesh := body.solid) or mesh.kind.size in (4, 8):
+        if not (mesh := body.solid) or all(kind.lumping is row_sums for kind, _ in mesh.blocks):
             continue
         from tripod_sim.forces.element_inertia import lacking  # noqa: PLC0415 - only with quadratic elements
 
-        corners = mesh.nodes[mesh.elements]
-        volume = node_volumes(mesh.kind, corners)[0].sum(axis=1)
-        density = _densities(body, assembly, sets, volume)
-        found.append(lacking(mesh.kind, corners, body.blocks, density))
+        density = by_block(mesh, _densities(body, assembly, sets, solid_volumes(mesh)))
+        for (kind, elements), nodes, own in zip(mesh.blocks, body.blocks, density, strict=True):
+            if kind.lumping is not row_sums:
+                found.append(lacking(kind, mesh.nodes[elements], nodes, own))
     return found
 
 
 def elastic_terms(
     assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: Groups, damping: float
 ) -> list[ElasticTerm]:
-    """Return the strain energy of the bodies: a solid for each material of each, springs.
+    """Return the strain energy of the bodies: a solid for each material and kind of elements of each, springs.
 
     Args:
         assembly: The bodies.
@@ -173,15 +174,17 @@ def elastic_terms(
     terms = list[ElasticTerm]()
     alone = len(assembly.bodies) == 1
     for body in assembly.bodies:
-        name, moving = body.table.name, strained(body.blocks, groups)
+        name = body.table.name
         if net := body.net:
             from tripod_sim.forces.spring_force import SpringForce  # noqa: PLC0415 - only with springs
 
+            (ends,) = body.blocks
+            moving = strained(ends, groups)
             length, stiffness = net.rest_length[moving], net.stiffness[moving]
             dampers = net.damping[moving]
             terms.append(
                 SpringForce(
-                    body.blocks[moving],
+                    ends[moving],
                     length,
                     stiffness,
                     dampers,
@@ -195,17 +198,21 @@ def elastic_terms(
 
         mesh = body.solid
         assert mesh
-        of = np.zeros(len(mesh.elements), dtype=np.int64)
+        of = np.zeros(mesh.count, dtype=np.int64)
         parts: list[Material | Region] = [_material(body.table)]
         for region, elements in _regions(body, assembly, sets):
             of[elements] = len(parts)
             parts.append(region)
+        numbers, of_block = by_block(mesh, np.arange(mesh.count)), by_block(mesh, of)
+        deforming = [strained(elements, groups) for elements in body.blocks]
         for k, part in enumerate(parts):
-            chosen = np.ascontiguousarray(body.blocks[moving & (of == k)])
-            if len(chosen):
-                own = parameters_of(part)
-                owner = "" if alone else name
-                terms.append(Solid(rest, chosen, mesh.kind, part.law, own, owner, damping))
+            for i, elements in enumerate(body.blocks):
+                chosen = np.flatnonzero(deforming[i] & (of_block[i] == k))
+                if len(chosen):
+                    owner, own = "" if alone else name, parameters_of(part)
+                    solid = Solid(rest, elements[chosen], mesh.blocks[i].kind, part.law, own, owner, damping)
+                    solid.numbers = numbers[i][chosen]
+                    terms.append(solid)
     return terms
 
 
@@ -213,7 +220,7 @@ def strain_bound(assembly: Assembly, groups: Groups, mass: FloatArray, stretch: 
     """Return the bound of the stretch of all springs; `mass`: of nodes [kg], shape (n,)."""
     from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
 
-    nets = [(b.blocks, b.net.rest_length, strained(b.blocks, groups)) for b in assembly.bodies if b.net]
+    nets = [(b.blocks[0], b.net.rest_length, strained(b.blocks[0], groups)) for b in assembly.bodies if b.net]
     ends = np.concatenate([blocks[moving] for blocks, _, moving in nets])
     return StrainBound(ends, np.concatenate([rest[moving] for _, rest, moving in nets]), stretch, mass)
 
@@ -246,7 +253,7 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
         if not (static and k and first.tied == k):
             continue
         nodes = np.unique(np.concatenate([b.nodes for b in together]))
-        own = [np.searchsorted(nodes, b.blocks) for b in together]
+        own = [np.searchsorted(nodes, rows) for b in together for rows in b.blocks]
         rigid = [np.searchsorted(nodes, body) for body in groups.rigid if np.isin(body, nodes).all()]
         if free_motion([*own, *rigid], assembly.nodes[nodes], groups.held()[nodes]):
             groups = replace(groups, fixed=np.union1d(groups.fixed, nodes))
@@ -259,7 +266,7 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
 
 def _loose_parts(groups: Groups, assembly: Assembly) -> Iterator[str]:
     """Yield notes on bodies of which one part is held and another, which shares no node with it, is not."""
-    blocks = [body.blocks for body in assembly.bodies]
+    blocks = [block for body in assembly.bodies for block in body.blocks]
     label = connected_parts([*blocks, *(body[None] for body in groups.rigid)], groups.size)
     held = label[groups.held().any(axis=1)]
     for body in assembly.bodies:
@@ -283,8 +290,8 @@ def _regions(body: SoftBody, assembly: Assembly, sets: NodeSets) -> list[tuple[R
     found, mesh = list[tuple[Region, IndexArray]](), body.solid
     if not (body.table.region and mesh):
         return found
-    volumes = node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0]
-    shares = volumes / volumes.sum(axis=1, keepdims=True)
+    loads = [load for load, _ in block_volumes(mesh)]
+    shares = [load / load.sum(axis=1, keepdims=True) for load in loads]
     groups = {f"{assembly.before(body)}{name}": cells for name, cells in mesh.cell_groups.items()}
     for i, region in enumerate(body.table.region):
         field = f"{body.field}region.{i}.set"

@@ -160,6 +160,11 @@ class JoinedMesh:
         """Of the soft body."""
         return self.soft.elements if self.soft else np.zeros((0, 3), dtype=np.int64)
 
+    @property
+    def count(self) -> int:
+        """Number of elements of the soft body."""
+        return int(self.soft.count) if self.soft else 0
+
 
 class JoinedSkin(JoinedMesh):
     """A skin of the soft body with the rigid bodies behind it."""

@@ -57,7 +57,7 @@ def surfaces(assembly: Assembly, contact: Contact) -> list[Surface]:
             if b.solid and b.table.mesh:
                 check_boundary(b.solid, f"{b.field}mesh.source {b.table.mesh.source!r}")
         faces = np.concatenate([b.nodes[b.mesh.surface] for b in together])
-        chains = [b.blocks for b in together if b.net and not len(b.net.triangles)]
+        chains = [rows for b in together if b.net and not len(b.net.triangles) for rows in b.blocks]
         edges = np.concatenate([np.zeros((0, 2), dtype=np.int64), *chains])
         nodes = np.unique(np.concatenate([faces.ravel(), edges.ravel()]))
         part = Part(

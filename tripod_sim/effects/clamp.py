@@ -23,9 +23,9 @@ def extend(clamp: Clamp, draft: Draft) -> None:
     from tripod_sim.robot.clamp import bed_clamps
 
     solid = draft.assembly.bodies[0].among(draft.rest)
-    draft.rest, frames, foundation = bed_clamps(solid, draft.groups.driven, clamp.stiffness)
+    draft.rest, frames, foundations = bed_clamps(solid, draft.groups.driven, clamp.stiffness)
     draft.groups = replace(draft.groups, size=len(draft.rest), driven=frames)
-    draft.terms.append(foundation)
+    draft.terms += foundations
 
 
 EFFECT = Effect(

@@ -65,7 +65,7 @@ def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
             )
         if table.pressure:
             nodes = draft.sets.nodes(table.set, f"load.{i}.set")
-            loaded = [(solid, faces_within(solid, nodes)) for solid in solids]
+            loaded = [faces_within(solid, nodes) for solid in solids]
             notes, watches = pressure_notes(f"load.{i}", table.set, loaded, draft.rest)
             draft.notes += notes
             draft.watches += watches

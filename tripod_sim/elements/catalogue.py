@@ -1,13 +1,26 @@
-"""The elements by name."""
+"""The elements by name, each found in the module that makes it: whoever adds one adds a file to this package."""
 
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Final
 
+import tripod_sim.elements
 from tripod_sim.elements.element import Element
-from tripod_sim.elements.hexahedron import H8, H8_MODES
-from tripod_sim.elements.mean_dilatation import H8_MEAN
-from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL, H27
-from tripod_sim.elements.tetrahedron import T4, T10
 
-ELEMENTS: Final[dict[str, Element]] = {
-    e.name: e for e in (T4, T10, H8, H8_MODES, H8_MEAN, H20, H20_FULL, H27)
-}
+
+def _found() -> dict[str, Element]:
+    names = [m.name for m in iter_modules(tripod_sim.elements.__path__) if m.name != "catalogue"]
+    modules = [import_module(f"tripod_sim.elements.{name}") for name in names]
+    return {e.name: e for module in modules for e in vars(module).values() if isinstance(e, Element)}
+
+
+ELEMENTS: Final = _found()
+
+SIZES: Final = {e.cell: e.size for e in ELEMENTS.values()}
+"""Nodes of the cells that elements are made of, by meshio's names."""
+
+LINEAR: Final = {e.plain.cell: e.plain for e in ELEMENTS.values()}
+"""The plainest element of each linear cell."""
+
+CHOSEN: Final = {cell: e.name for e in ELEMENTS.values() for cell in e.chosen_for}
+"""The element of each kind of cells where a scene names none."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.elements.element import Element
+from tripod_sim.elements.faces import QUADRILATERAL4, Face
 
 CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
@@ -21,6 +22,7 @@ CORNERS = np.array(
 """Reference coordinates of the corners, VTK order, shape (8, 3)."""
 
 FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+"""Corners of the faces, counter-clockwise seen from outside."""
 
 
 def functions(xi: FloatArray) -> FloatArray:
@@ -42,16 +44,13 @@ def gauss(count: int) -> tuple[FloatArray, FloatArray]:
     return points, np.einsum("i,j,k->ijk", w, w, w).ravel()
 
 
-def collapsed(count: int) -> tuple[FloatArray, FloatArray]:
-    """Return a rule on the tetrahedron with corners 0, x, y and z, of `gauss`, of degree 2 count - 3, shapes alike.
-
-    The cube [0, 1]^3 is collapsed to it: x = a, y = b (1 - a), z = c (1 - a) (1 - b) [Hughes1987].
-    """
-    points, weights = gauss(count)
-    a, b, c = (0.5 * (1 + points)).T
-    xi = np.column_stack([a, b * (1 - a), c * (1 - a) * (1 - b)])
-    return xi, weights / 8 * (1 - a) ** 2 * (1 - b)
+def beyond(xi: FloatArray) -> FloatArray:
+    """Return the largest coordinate of the points `xi` (p, 3), which is 1 on the boundary, shape (p,)."""
+    return np.asarray(np.abs(xi).max(axis=1))
 
 
-H8 = Element("h8", "hexahedron", CORNERS, functions, gradients, *gauss(2), FACES, 8)
-H8_MODES = replace(H8, name="h8_modes", modes=True)
+H8 = Element(
+    "h8", "hexahedron", CORNERS, functions, gradients, *gauss(2), tuple(Face(QUADRILATERAL4, f) for f in FACES),
+    gauss(3), beyond, quadratic="h20",
+)  # fmt: skip
+H8_MODES = replace(H8, name="h8_modes", linear=H8, modes=True, chosen_for=("hexahedron",))

@@ -16,4 +16,4 @@ from dataclasses import replace
 
 from tripod_sim.elements.hexahedron import H8
 
-H8_MEAN = replace(H8, name="h8_mean", mean_dilatation=True)
+H8_MEAN = replace(H8, name="h8_mean", linear=H8, mean_dilatation=True)

@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.elements.element import Element
-from tripod_sim.elements.hexahedron import CORNERS, FACES, gauss
+from tripod_sim.elements.element import Element, diagonal_scaling
+from tripod_sim.elements.faces import QUADRILATERAL8, QUADRILATERAL9, Face
+from tripod_sim.elements.hexahedron import CORNERS, FACES, H8, beyond, gauss
 
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 """Corners between which the nodes 8 to 19 lie, VTK order."""
@@ -29,12 +30,12 @@ _H27_NODES = np.concatenate(
 )
 
 
-def _face(loop: tuple[int, ...], *, centre: bool) -> tuple[int, ...]:
+def _face(loop: tuple[int, ...], *, centre: bool) -> Face:
     """Return corners, mid-edge nodes and, if asked, the centre of a face."""
     sides = [{loop[i], loop[(i + 1) % 4]} for i in range(4)]
     mids = [8 + next(i for i, e in enumerate(EDGES) if set(e) == side) for side in sides]
     middle = [20 + next(i for i, f in enumerate(FACE_CENTRES) if set(f) == set(loop))] if centre else []
-    return (*loop, *mids, *middle)
+    return Face(QUADRILATERAL9 if centre else QUADRILATERAL8, (*loop, *mids, *middle))
 
 
 def h20_functions(xi: FloatArray) -> FloatArray:
@@ -97,11 +98,13 @@ def h27_gradients(xi: FloatArray) -> FloatArray:
 
 H20 = Element(
     "h20", "hexahedron20", _H20_NODES, h20_functions, h20_gradients, *gauss(2),
-    tuple(_face(f, centre=False) for f in FACES), 8,
+    tuple(_face(f, centre=False) for f in FACES), gauss(3), beyond, lumping=diagonal_scaling, linear=H8, centres=EDGES,
+    full="h20_full", chosen_for=("hexahedron20",),
 )  # fmt: skip
 _POINTS, _WEIGHTS = gauss(3)
-H20_FULL = replace(H20, name="h20_full", points=_POINTS, weights=_WEIGHTS)
+H20_FULL = replace(H20, name="h20_full", points=_POINTS, weights=_WEIGHTS, full="", chosen_for=())
 H27 = Element(
     "h27", "hexahedron27", _H27_NODES, h27_functions, h27_gradients, _POINTS, _WEIGHTS,
-    tuple(_face(f, centre=True) for f in FACES), 8,
+    tuple(_face(f, centre=True) for f in FACES), gauss(3), beyond, lumping=diagonal_scaling, linear=H8,
+    centres=(*EDGES, *FACE_CENTRES, tuple(range(8))), chosen_for=("hexahedron27",),
 )  # fmt: skip

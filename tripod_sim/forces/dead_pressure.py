@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import Faces
 from tripod_sim.mesh.topology import edge_uses, parts
 
 TURNED = math.radians(10)
@@ -19,27 +19,27 @@ TURNED = math.radians(10)
 BUT_A_GAS = "a gas or a liquid would follow the surface, which can bend the body several times as far"
 
 
-def is_closed(faces: IndexArray) -> bool:
-    """Return whether some of the faces (k, corners), connected with each other, enclose a volume."""
+def is_closed(faces: Sequence[IndexArray]) -> bool:
+    """Return whether some of the faces, arrays (k, corners), connected with each other, enclose a volume."""
     edges, uses = edge_uses(faces)
-    label = parts([faces], int(faces.max()) + 1)[edges[:, 0]]
+    label = parts([*faces], int(edges.max()) + 1)[edges[:, 0]]
     return bool(np.setdiff1d(label, label[uses != 2]).size)
 
 
 def pressure_notes(
-    field: str, name: str, loaded: Sequence[tuple[SolidMesh, IndexArray]], rest: FloatArray
+    field: str, name: str, loaded: Sequence[Sequence[Faces]], rest: FloatArray
 ) -> "tuple[list[str], list[TurnWatch]]":
     """Return what to say of a dead pressure at once, and what watches for the rest.
 
     Args:
         field: Of the load in the scene.
         name: Of its set.
-        loaded: Solids, each with the faces of it on which the pressure acts, shape (k, nodes of a face).
+        loaded: Of each solid the faces on which the pressure acts.
         rest: Undeformed positions [m], shape (n, 3).
     """
-    corners = [faces[:, : solid.kind.face_corners] for solid, faces in loaded if len(faces)]
+    corners = [[faces.corners for faces in of_solid] for of_solid in loaded if of_solid]
     if not any(map(is_closed, corners)):
-        return [], [TurnWatch(field, faces, rest) for faces in corners]
+        return [], [TurnWatch(field, of_solid, rest) for of_solid in corners]
     note = (
         f"{field}.pressure acts on a closed surface, set {name!r}, as a dead pressure: its forces "
         f"keep the directions of the undeformed surface; {BUT_A_GAS}. Do not use it for the pressure "
@@ -51,12 +51,12 @@ def pressure_notes(
 class TurnWatch:
     """Tells once when a face under a dead pressure has turned by more than `TURNED`."""
 
-    def __init__(self, field: str, faces: IndexArray, rest: FloatArray) -> None:
+    def __init__(self, field: str, faces: Sequence[IndexArray], rest: FloatArray) -> None:
         """Prepare.
 
         Args:
             field: Of the load in the scene.
-            faces: Nodes of the corners of each, in a loop, shape (k, 3) or (k, 4).
+            faces: Nodes of the corners of each, in a loop, arrays (k, 3) or (k, 4).
             rest: Undeformed positions [m], shape (n, 3).
         """
         self._field, self._faces = field, faces
@@ -74,6 +74,11 @@ class TurnWatch:
         )
 
     def _unit_normals(self, x: FloatArray) -> FloatArray:
-        a, b, c, d = (x[self._faces[:, k]] for k in (0, 1, 2, -1))
-        normals = np.cross(c - a, d - b)
+        normals = np.concatenate([_normals(x, faces) for faces in self._faces])
         return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def _normals(x: FloatArray, faces: IndexArray) -> FloatArray:
+    """Return normals of faces (k, corners), of twice their area."""
+    a, b, c, d = (x[faces[:, k]] for k in (0, 1, 2, -1))
+    return np.cross(c - a, d - b)

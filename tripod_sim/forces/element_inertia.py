@@ -13,7 +13,6 @@ from numba import njit
 
 from tripod_host.arrays import Array, FloatArray, IndexArray
 from tripod_sim.elements.element import Element, node_volumes, shape_products
-from tripod_sim.elements.hexahedron import collapsed, gauss
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.term import BlockTerm
 from tripod_sim.forces.term_kernels import couple
@@ -45,7 +44,7 @@ def lacking(kind: Element, nodes: FloatArray, elements: IndexArray, density: Flo
         density: Of each [kg/m³], shape (m,).
     """
     _, lumped = node_volumes(kind, nodes)
-    couplings = shape_products(kind, nodes, gauss(3) if kind.corners == 8 else collapsed(4))
+    couplings = shape_products(kind, nodes)
     couplings *= (lumped.sum(axis=1) / couplings.sum(axis=(1, 2)))[
         :, None, None
     ]  # other points, a little apart

@@ -13,8 +13,6 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element, shape_products
-from tripod_sim.elements.hexahedron import gauss
-from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.forces.term import LinearTerm
 
 
@@ -35,8 +33,7 @@ class Foundation(LinearTerm):
             ghosts: Their ghosts, shape (m, n).
             stiffness: kappa [N/m⁴]: force per volume and displacement.
         """
-        rule = gauss(3) if kind.corners == 8 else (T10.points, T10.weights)
-        super().__init__(elements, ghosts, stiffness * shape_products(kind, rest[elements], rule))
+        super().__init__(elements, ghosts, stiffness * shape_products(kind, rest[elements]))
 
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return E, which is strain energy, and 0 [J]."""

@@ -40,6 +40,7 @@ class Solid(ElasticTerm):
         elements: Node indices, shape (m, nodes of an element).
         matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, d, d), d = 3 nodes of an element.
         mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
+        numbers: Of the elements in their mesh, for messages, shape (m,).
     """
 
     def __init__(
@@ -61,7 +62,8 @@ class Solid(ElasticTerm):
             owner: Name of the body, for messages.
             damping: b, the viscosity over the stiffness undeformed [s].
         """
-        self.elements, self._owner, self._law = elements, owner, law
+        self.elements, self._owner, self._law = np.ascontiguousarray(elements), owner, law
+        self.numbers = np.arange(len(elements))
         functions = addresses(law_named(law))
         gradients, weight = reference_gradients(kind, nodes[elements])
         G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
@@ -172,7 +174,7 @@ class Solid(ElasticTerm):
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
         """Return the smallest volume ratio, and what to say of its element."""
         element, ratio = self.worst_element(x, modes)
-        name = f"element {element}{self._owner and f' of {self._owner}'}"
+        name = f"element {self.numbers[element]}{self._owner and f' of {self._owner}'}"
         if ratio < 0:
             what = "turned inside out"
         elif not CRUSHED <= ratio <= BLOWN_UP:  # NaN, too

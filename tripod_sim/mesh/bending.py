@@ -64,7 +64,10 @@ class Bending(NamedTuple):
 
 
 def bending(mesh: SolidMesh, poisson: float) -> Bending | None:
-    """Return the errors of a mesh of linear elements, None if it is too large; `poisson`: nu of its material."""
+    """Return the errors of a mesh of linear elements, None if that is not known: it is too large, or its elements are
+    not of one kind with a quadratic one on the same cells; `poisson`: nu of its material."""
+    if len(mesh.blocks) > 1 or not mesh.kind.quadratic:
+        return None
     if len((rich := _quadratic(mesh)).nodes) > MOST_NODES[rich.kind.name]:
         return None
     return _bending(mesh.kind, mesh.nodes.tobytes(), mesh.elements.tobytes(), poisson)
@@ -72,15 +75,15 @@ def bending(mesh: SolidMesh, poisson: float) -> Bending | None:
 
 def _quadratic(mesh: SolidMesh) -> SolidMesh:
     """Return the mesh of quadratic elements on the same cells, whose first nodes are those of `mesh`."""
-    plain, name = ("t4", "t10") if mesh.kind.corners == 4 else ("h8", "h20_full")
-    return convert(SolidMesh(mesh.nodes, mesh.elements, ELEMENTS[plain]), name)
+    rich = ELEMENTS[mesh.kind.quadratic]
+    return convert(SolidMesh.of(mesh.nodes, mesh.elements, mesh.kind.plain), rich.full or rich.name)
 
 
 @lru_cache(maxsize=8)
 def _bending(kind: Element, of_nodes: bytes, of_elements: bytes, poisson: float) -> Bending:
     """Compute it for nodes (n, 3) [m] and elements (m, k); the cache serves scenes that are built often."""
     elements = np.frombuffer(of_elements, dtype=np.int64).reshape(-1, kind.size)
-    mesh = SolidMesh(np.frombuffer(of_nodes).reshape(-1, 3), elements, kind)
+    mesh = SolidMesh.of(np.frombuffer(of_nodes).reshape(-1, 3), elements, kind)
     size, stiffness = mesh.nodes.size, _factored(mesh, poisson)
     mass = np.zeros(len(mesh.nodes))
     np.add.at(mass, mesh.elements, node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0])

@@ -26,4 +26,4 @@ def block(corners: FloatArray, cells: tuple[int, int, int]) -> SolidMesh:
     a, b, c = cells
     steps = ((CORNERS + 1) // 2).astype(int)
     elements = [numbers[p : a + p, q : b + q, r : c + r].ravel() for p, q, r in steps]
-    return SolidMesh(functions(places) @ corners, np.stack(elements, axis=1), H8_MODES)
+    return SolidMesh.of(functions(places) @ corners, np.stack(elements, axis=1), H8_MODES)

@@ -4,9 +4,6 @@ from dataclasses import dataclass, field
 
 from tripod_host.arrays import FloatArray, IndexArray
 
-SIZES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27}
-"""Nodes of the cells that elements are made of, by meshio's names."""
-
 
 @dataclass(frozen=True, eq=False)
 class Cells:
@@ -14,8 +11,8 @@ class Cells:
 
     Attributes:
         points: Shape (n, 3), in the file's unit.
-        volumes: Cells by kind, only those of `SIZES`: indices of points, shape (m, nodes of a cell), corners first in
-            VTK order.
+        volumes: Cells by kind, only those of `elements.catalogue.SIZES`: indices of points, shape (m, nodes of a
+            cell), corners first in VTK order.
         others: Names of all other kinds of cells in the file: those without a volume are left out.
         solid: Those of `others` that have a volume.
         skipped: How many cells there are of those of `others` that the reader does not know.

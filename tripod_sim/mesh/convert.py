@@ -1,72 +1,53 @@
-"""From linear hexahedra or tetrahedra to other elements on the same cells."""
+"""From linear elements to other elements on the same cells."""
 
-from collections.abc import Mapping, Sequence
-from itertools import permutations
+from collections.abc import Mapping
+from itertools import groupby
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.elements import quadratic_hexahedron, tetrahedron
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 
 def convert(mesh: SolidMesh, name: str) -> SolidMesh:
-    """Return a mesh of the element `name` on the cells of a mesh of eight-node hexahedra or four-node tetrahedra.
+    """Return a mesh of the element `name` on the cells of a mesh of linear elements of one kind.
 
-    Tetrahedra on hexahedra: six to a cell (Kuhn's division along the diagonal from node 0 to node 6); neighbouring
-    cells agree when their local axes point alike across the shared face. Quadratic elements: nodes halfway, straight
+    Hexahedra are divided as the element has it; neighbouring cells agree when their local axes point alike across the
+    shared face. Quadratic elements: nodes halfway, straight
     edges.
 
     Raises:
-        SceneError: hexahedra are to be divided and local axes of neighbouring cells do not point alike.
+        SceneError: the mesh has several kinds of elements; its cells do not become such elements; hexahedra are to be
+            divided and local axes of neighbouring cells do not point alike.
     """
     kind = ELEMENTS[name]
     nodes, elements, groups = mesh.nodes, np.asarray(mesh.elements), dict(mesh.groups)
     cell_groups = mesh.cell_groups
-    if kind.corners == 4 < elements.shape[1]:
-        elements = elements[:, _kuhn()].reshape(-1, 4)
-        cell_groups = divided_groups(cell_groups, len(_kuhn()))
-        if len(SolidMesh(nodes, elements, ELEMENTS["t4"]).boundary) != 2 * len(mesh.boundary):
+    if (before := mesh.kind.plain.cell) != (cell := kind.plain.cell):
+        if before not in kind.plain.divisions:
             raise SceneError(
-                f"mesh.element is {name!r}, but the hexahedra of this mesh cannot be divided into tetrahedra: "
-                "the axes of neighbouring cells differ; take a hexahedral mesh.element, such as h8_modes, or "
-                "a tetrahedral mesh"
+                f"mesh.element is {name!r}, but {before} cells cannot be divided into {cell} cells; name an element "
+                f"of {before} cells"
             )
-    if kind.size in (10, 20, 27):
-        quadratic = tetrahedron if kind.corners == 4 else quadratic_hexahedron
-        nodes, elements = _add_centres(nodes, elements, quadratic.EDGES, groups)
-        if kind.size == 27:
-            nodes, elements = _add_centres(nodes, elements, quadratic_hexahedron.FACE_CENTRES, groups)
-            nodes, elements = _add_centres(nodes, elements, (tuple(range(8)),), groups)
-    return SolidMesh(nodes, elements, kind, groups, cell_groups)
+        parts = np.array(kind.plain.divisions[before])
+        elements = elements[:, parts].reshape(-1, kind.corners)
+        cell_groups = divided_groups(cell_groups, len(parts))
+        if len(SolidMesh.of(nodes, elements, kind.plain).surface) != len(mesh.surface):
+            raise SceneError(
+                f"mesh.element is {name!r}, but the hexahedra of this mesh cannot be divided into {cell} cells: "
+                "the axes of neighbouring cells differ; take a hexahedral mesh.element, such as h8_modes, or "
+                f"a mesh of {cell} cells"
+            )
+    for _, corners in groupby(kind.centres, len):  # those of edges, of faces, of the cell
+        nodes, elements = _add_centres(nodes, elements, tuple(corners), groups)
+    return SolidMesh.of(nodes, elements, kind, groups, cell_groups)
 
 
 def divided_groups(groups: Mapping[str, IndexArray], count: int) -> dict[str, IndexArray]:
     """Return groups of elements of which each is divided into `count` that follow each other."""
     return {name: (count * group[:, None] + np.arange(count)).ravel() for name, group in groups.items()}
-
-
-def _kuhn() -> IndexArray:
-    """Return the six tetrahedra of a cell as its node numbers, shape (6, 4), each right-handed."""
-    number = {tuple(corner): i for i, corner in enumerate(((CORNERS + 1) // 2).astype(int).tolist())}
-    found = []
-    for order in permutations(range(3)):
-        corner, path = [0, 0, 0], [0]
-        for axis in order:
-            corner[axis] = 1
-            path.append(number[tuple(corner)])
-        found.append(right_handed(path, CORNERS))
-    return np.array(found)
-
-
-def right_handed(nodes: Sequence[int], places: FloatArray) -> list[int]:
-    """Return the four nodes of a tetrahedron in an order that makes its volume positive; `places`: by node, (n, 3)."""
-    a, b, c, d = nodes
-    legs = places[[b, c, d]] - places[a]
-    return [a, b, c, d] if np.linalg.det(legs) > 0 else [a, c, b, d]
 
 
 def _add_centres(

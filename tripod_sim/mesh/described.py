@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.elements.element import Element
+from tripod_sim.elements.hexahedron import H8
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.tables.bodies import AUTO, Mesh
@@ -17,6 +19,7 @@ MOST_CELLS = 1_000_000
 
 def described_mesh(description: Mesh) -> SolidMesh:
     """Return the mesh that a scene describes. Raises SceneError."""
+    kind: Element | None
     notes = tuple[str, ...]()
     if description.source == "y_piece":
         from tripod_sim.mesh.y_piece import LEVELS, YShape, divided, y_piece  # noqa: PLC0415 - only where it is described
@@ -24,7 +27,7 @@ def described_mesh(description: Mesh) -> SolidMesh:
         kind = ELEMENTS[description.element]
         level = divided(LEVELS[description.level], 2**description.refine)
         shape = YShape(legs=description.legs)
-        mesh = y_piece(level, shape, kind) if kind.corners == 8 else y_piece(level, shape)
+        mesh = y_piece(level, shape, kind) if kind.plain is H8 else y_piece(level, shape)
     elif description.source == "block":
         from tripod_sim.mesh.block import block  # noqa: PLC0415 - only where it is described
 
@@ -35,17 +38,17 @@ def described_mesh(description: Mesh) -> SolidMesh:
         from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
 
         mesh = read_solid(Path(description.source), description.scale, description.element)
-        kind, notes = mesh.kind, mesh.notes
+        kind, notes = None, mesh.notes
     else:
         raise SceneError(
             f"mesh.source is {description.source!r}; allowed: y_piece, block, or the path of a mesh file"
         )
-    if mesh.kind is not kind:
+    if kind and mesh.kind is not kind:
         from tripod_sim.mesh.convert import convert  # noqa: PLC0415 - only where it is described
 
         mesh = convert(mesh, kind.name)
     if description.source != "y_piece":
-        _check_count(len(mesh.elements), description)
+        _check_count(mesh.count, description)
     for _ in range(0 if description.source == "y_piece" else description.refine):
         from tripod_sim.mesh.refine import refine  # noqa: PLC0415 - only where it is described
 
@@ -59,7 +62,9 @@ def element_of(description: Mesh) -> str:
 
     Raises SceneError where the file cannot be read.
     """
-    return described_mesh(description).kind.name if description.element == AUTO else description.element
+    if description.element != AUTO:
+        return description.element
+    return described_mesh(description).blocks[0].kind.name
 
 
 def _check_count(cells: int, description: Mesh) -> None:

@@ -20,8 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from tripod_host.arrays import IndexArray
+from tripod_sim.elements.catalogue import SIZES
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.cells import SIZES, Cells
+from tripod_sim.mesh.cells import Cells
 from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
 
 TYPES = {
@@ -121,7 +122,7 @@ class _Reader:
         kinds = TYPES.get(found[b"elemtype"].decode("ascii", errors="replace"))
         if kinds is None:
             raise SceneError(
-                f"{self._where}: ElemType is {word(found[b'elemtype'])}; Tetrahedra or Hexahedra are needed"
+                f"{self._where}: ElemType is {word(found[b'elemtype'])}; Tetrahedra, Hexahedra or Prism are needed"
             )
         size = to_integer(found[b"nnode"], self._where, "a number of nodes")
         if size not in kinds:

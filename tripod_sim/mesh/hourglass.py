@@ -18,8 +18,8 @@ import numpy as np
 from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import Element, reference_gradients
-from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.elements.strains import strain_squares
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -39,19 +39,20 @@ TIE = 1e-9
 
 
 def unseen_motions(mesh: SolidMesh) -> int:
-    """Return of how many motions of a mesh of `h20`, free in space, its 2x2x2 points see less than `SHARE`."""
-    return _unseen(mesh.nodes.tobytes(), mesh.elements.tobytes())
+    """Return of how many motions of a mesh, free in space, its points see less than `SHARE`; 0 where they see all."""
+    (kind, elements), *others = mesh.blocks
+    return 0 if others or not kind.full else _unseen(kind, mesh.nodes.tobytes(), elements.tobytes())
 
 
 @lru_cache(maxsize=8)
-def _unseen(of_nodes: bytes, of_elements: bytes) -> int:
-    """Return it for nodes (n, 3) [m] and elements (m, 20): whoever builds one mesh often, asks once."""
-    elements = np.frombuffer(of_elements, dtype=np.int64).reshape(-1, H20.size)
-    return _count(np.frombuffer(of_nodes).reshape(-1, 3)[elements], elements)
+def _unseen(kind: Element, of_nodes: bytes, of_elements: bytes) -> int:
+    """Return it for nodes (n, 3) [m] and elements (m, k): whoever builds one mesh often, asks once."""
+    elements = np.frombuffer(of_elements, dtype=np.int64).reshape(-1, kind.size)
+    return _count(kind, np.frombuffer(of_nodes).reshape(-1, 3)[elements], elements)
 
 
-def _count(places: FloatArray, elements: IndexArray) -> int:
-    """Return it for elements (m, 20) whose nodes are at `places` [m], shape (m, 20, 3).
+def _count(kind: Element, places: FloatArray, elements: IndexArray) -> int:
+    """Return it for elements (m, k) whose nodes are at `places` [m], shape (m, k, 3).
 
     R and F are sums over elements: where two parts of a mesh have no such motion, the whole has none. So it is seldom
     that more than `PATCH` elements are factored, whose time grows faster than their number.
@@ -60,12 +61,16 @@ def _count(places: FloatArray, elements: IndexArray) -> int:
         middles = places.mean(axis=1)
         along = middles[:, int(np.ptp(middles, axis=0).argmax())]
         first = along <= np.median(along) + TIE * np.ptp(along)
-        if not first.all() and not any(_count(places[part], elements[part]) for part in (first, ~first)):
+        if not first.all() and not any(
+            _count(kind, places[part], elements[part]) for part in (first, ~first)
+        ):
             return 0
     nodes, numbers = np.unique(elements, return_inverse=True)
     numbers = numbers.reshape(elements.shape).astype(np.int32)
     chunks = range(0, len(elements), CHUNK)
-    found = [_entries(places[start : start + CHUNK], numbers[start : start + CHUNK]) for start in chunks]
+    found = [
+        _entries(kind, places[start : start + CHUNK], numbers[start : start + CHUNK]) for start in chunks
+    ]
     values, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
     solver = Ldl(
         sparse.csc_matrix((values, (rows, columns)), (3 * len(nodes),) * 2)
@@ -75,9 +80,11 @@ def _count(places: FloatArray, elements: IndexArray) -> int:
     return solver.negative
 
 
-def _entries(places: FloatArray, elements: IndexArray) -> tuple[FloatArray, IndexArray, IndexArray]:
+def _entries(
+    kind: Element, places: FloatArray, elements: IndexArray
+) -> tuple[FloatArray, IndexArray, IndexArray]:
     """Return values, rows and columns in the upper triangle of R - SHARE F and what is added against rigid motions."""
-    seen, full = _squares(H20, places), _squares(H20_FULL, places)
+    seen, full = _squares(kind, places), _squares(ELEMENTS[kind.full], places)
     dofs = (3 * elements[:, :, None] + np.arange(3, dtype=np.int32)).reshape(len(elements), -1)
     rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     upper = rows <= columns
@@ -85,7 +92,7 @@ def _entries(places: FloatArray, elements: IndexArray) -> tuple[FloatArray, Inde
 
 
 def _squares(kind: Element, nodes: FloatArray) -> FloatArray:
-    """Return each element's matrix of int |J_0^T sym(grad u) J_0|² dV / V; `nodes`: (m, 20, 3) [m]."""
+    """Return each element's matrix of int |J_0^T sym(grad u) J_0|² dV / V; `nodes`: (m, k, 3) [m]."""
     gradients, volumes = reference_gradients(kind, nodes)
-    centre = kind.jacobians(nodes, np.zeros((1, 3)))[:, 0]
+    centre = kind.jacobians(nodes, kind.centre)[:, 0]
     return strain_squares(gradients, volumes / volumes.sum(axis=1, keepdims=True), centre)

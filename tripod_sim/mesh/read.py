@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from tripod_host.reading import open_file
+from tripod_sim.elements.catalogue import SIZES
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.cells import SIZES, Cells
+from tripod_sim.mesh.cells import Cells
 from tripod_sim.mesh.file_format import format_of
 from tripod_sim.mesh.fit import fit_element
 from tripod_sim.mesh.gid import read_gid
@@ -46,7 +47,7 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
         raise SceneError(f"mesh.source: {name} cannot be read: {error.strerror}") from None
     if file_format in ("obj", "stl"):
         raise SceneError(
-            f"mesh.source: {name} has no tetrahedra or hexahedra: {file_format.upper()} files hold surfaces. Fill it "
+            f"mesh.source: {name} has no cells with a volume: {file_format.upper()} files hold surfaces. Fill it "
             "with cells first, for instance with gmsh; obstacles.source, rigid.source and springs.source take surfaces"
         )
     cells = read_gid(path, f"mesh.source: {name}") if file_format == "gid" else _read(path, file_format)

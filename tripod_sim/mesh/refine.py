@@ -1,11 +1,15 @@
 """Dividing every cell of a mesh into eight: the edges are halved."""
 
+from typing import Final
+
 import numpy as np
 
 from tripod_host.arrays import IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
-from tripod_sim.mesh.convert import convert, divided_groups, right_handed
+from tripod_sim.elements.tetrahedron import right_handed
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.convert import convert, divided_groups
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3))
@@ -17,17 +21,30 @@ def refine(mesh: SolidMesh) -> SolidMesh:
     """Return a mesh of the same element with eight times as many, every cell divided at the middles of its edges.
 
     The nodes of the corners stay where they are; edges become straight.
+
+    Raises:
+        SceneError: there is no such division of the mesh's cells, or it has several kinds of them.
     """
-    kind = mesh.kind
+    if bad := [block.kind.cell for block in mesh.blocks if block.kind.plain.cell not in HALVED]:
+        raise SceneError(
+            f"mesh.refine cannot halve the edges of {', '.join(bad)} cells; refine the mesh in the program that made "
+            "it, and set mesh.refine = 0"
+        )
+    if len(mesh.blocks) > 1:
+        raise SceneError(
+            f"mesh.refine cannot halve the edges of a mesh of several kinds of elements ({mesh.kinds}); refine the "
+            "mesh in the program that made it, and set mesh.refine = 0"
+        )
+    kind, plain = mesh.kind, mesh.kind.plain
     used, corners = np.unique(np.asarray(mesh.elements)[:, : kind.corners], return_inverse=True)
     nodes, corners = mesh.nodes[used], corners.reshape(-1, kind.corners)
     groups = {name: np.flatnonzero(np.isin(used, group)) for name, group in mesh.groups.items()}
-    plain, full = ("t4", "t10") if kind.corners == 4 else ("h8", "h27")
-    fine = convert(SolidMesh(nodes, corners, ELEMENTS[plain], groups), full)
-    cells = np.asarray(fine.elements)[:, _tetrahedra() if kind.corners == 4 else _octants()]
+    full, parts = HALVED[plain.cell]
+    fine = convert(SolidMesh.of(nodes, corners, plain, groups), full)
+    cells = np.asarray(fine.elements)[:, parts()]
     cell_groups = divided_groups(mesh.cell_groups, cells.shape[1])
     cells = cells.reshape(-1, kind.corners)
-    return convert(SolidMesh(fine.nodes, cells, ELEMENTS[plain], fine.groups, cell_groups), kind.name)
+    return convert(SolidMesh.of(fine.nodes, cells, plain, fine.groups, cell_groups), kind.name)
 
 
 def _tetrahedra() -> IndexArray:
@@ -40,3 +57,7 @@ def _octants() -> IndexArray:
     places = {tuple(p): i for i, p in enumerate(np.round(ELEMENTS["h27"].reference).astype(int).tolist())}
     middles = (CORNERS[:, None] + CORNERS[None]) / 2
     return np.array([[places[tuple(m)] for m in row] for row in middles.astype(int).tolist()])
+
+
+HALVED: Final = {"tetra": ("t10", _tetrahedra), "hexahedron": ("h27", _octants)}
+"""Of linear cells, the element with nodes at all the middles that the parts need, and the parts as its node numbers."""

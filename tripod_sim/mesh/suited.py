@@ -5,15 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.elements.element import node_volumes
-from tripod_sim.elements.hexahedron import H8, H8_MODES
-from tripod_sim.elements.mean_dilatation import H8_MEAN
-from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
-from tripod_sim.elements.tetrahedron import T4
+from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import Doubt
 from tripod_sim.mesh.bending import bending
 from tripod_sim.mesh.hourglass import unseen_motions
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.tables.bodies import DENSITY, Material
 from tripod_sim.tables.fields import out_of_usual
 
@@ -22,9 +18,6 @@ TOLD, TOLD_ELSEWHERE = 0.15, 0.3
 
 TOLD_SIDEWAYS = 0.05
 """Drift sideways, relative to the deflection, above which it is told."""
-
-LINEAR = (T4, H8, H8_MODES, H8_MEAN)
-"""Elements whose bending is checked."""
 
 WIDE = 2.0
 """Width of a body from which on it is asked whether it is described in other units [m]."""
@@ -46,7 +39,7 @@ def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[Dou
     """Return what users should know of the density that follows from `material.mass`; `field`: before `material`."""
     if material.density is not None:
         return ()
-    volume = float(node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum())
+    volume = float(solid_volumes(mesh).sum())
     said = out_of_usual(material.mass / volume, "kg/m³", DENSITY)
     if not said:
         return ()
@@ -69,31 +62,43 @@ def suited(mesh: SolidMesh, poisson: float) -> tuple[SolidMesh, tuple[str, ...]]
         mesh: As it is described.
         poisson: nu of its material.
     """
-    if mesh.kind is H20 and (count := unseen_motions(mesh)):
+    if count := unseen_motions(mesh):
         note = (
-            "mesh.element 'h20' is integrated with full quadrature here, as 'h20_full': its reduced "
-            f"2x2x2 quadrature would leave {count} motions without stiffness, as the body is one element "
+            f"mesh.element {mesh.kind.name!r} is integrated with full quadrature here, as {mesh.kind.full!r}: its "
+            f"reduced quadrature would leave {count} motions without stiffness, as the body is one element "
             "thick and wide somewhere; mesh.refine = 1 avoids this"
         )
-        return replace(mesh, kind=H20_FULL), (note,)
-    note = bending_note(mesh, poisson) if mesh.kind in LINEAR else ""
+        return replace(mesh, blocks=(mesh.blocks[0]._replace(kind=ELEMENTS[mesh.kind.full]),)), (note,)
+    note = bending_note(mesh, poisson) if any(not block.kind.centres for block in mesh.blocks) else ""
     return mesh, (note,) if note else ()
 
 
 def bending_note(mesh: SolidMesh, poisson: float) -> str:
     """Return a note on the bending error of linear elements; empty if the error is too small to report."""
     found, errors = bending(mesh, poisson), []
-    others = "'t10' has" if mesh.kind is T4 else "'h20', 'h27' and 't10' have"
+    bending_well = all(block.kind.modes or block.kind.centres for block in mesh.blocks)
+    if not found and bending_well:
+        return ""
+    if len(mesh.blocks) > 1 or not mesh.kind.quadratic:
+        stiff = ", ".join(repr(b.kind.name) for b in mesh.blocks if not (b.kind.modes or b.kind.centres))
+        return (
+            f"elements {stiff} bend too stiffly where few cells lie across the body, and lock where the material is "
+            f"nearly incompressible. By how much is not estimated for meshes of {mesh.kinds}: compare with a finer mesh"
+        )
+    cell = mesh.kind.plain.cell
+    rich = [
+        e.name for e in ELEMENTS.values() if e.centres and (e.plain.cell == cell or cell in e.plain.divisions)
+    ]
+    *names, last = (repr(name) for name in rich if not any(e.full == name for e in ELEMENTS.values()))
+    others = f"{', '.join(names)} and {last} have" if names else f"{last} has"
     if not found:
-        if mesh.kind is H8_MODES:
-            return ""
         return (
             f"mesh.element {mesh.kind.name!r} bends too stiffly where few cells lie across the body. By "
             f"how much is not estimated for this mesh of {len(mesh.elements)} elements, which is too "
             f"large; {others} no such error"
         )
     softest, low, high = (100 * error for error in (found.softest, found.low, found.high))
-    if mesh.kind is H8_MODES:  # it may be softer than the quadratic elements, which does not make it wrong
+    if mesh.kind.modes:  # it may be softer than the quadratic elements, which does not make it wrong
         softest, low = max(softest, 0.0), max(low, 0.0)
     if abs(softest) > 100 * TOLD or max(-low, high) > 100 * TOLD_ELSEWHERE:
         if found.sure:

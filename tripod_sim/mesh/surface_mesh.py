@@ -32,7 +32,7 @@ class SurfaceMesh:
     @cached_property
     def watertight(self) -> bool:
         """Whether each edge belongs to exactly two triangles: there is an inside."""
-        return bool(len(self.triangles) and (edge_uses(self.triangles)[1] == 2).all())
+        return bool(len(self.triangles) and (edge_uses([self.triangles])[1] == 2).all())
 
     @property
     def volume(self) -> float:
@@ -70,7 +70,7 @@ def check_surface(mesh: SurfaceMesh, source: str) -> None:
         )
     if bad.size:
         raise SceneError(f"{source}: triangles {names_of(bad)} have no area; remove them")
-    edges, uses = edge_uses(mesh.triangles)
+    edges, uses = edge_uses([mesh.triangles])
     if (crowded := edges[uses > 2]).size:
         raise SceneError(
             f"{source}: edges at vertices {names_of(np.unique(crowded))} belong to more than two "

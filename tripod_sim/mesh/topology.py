@@ -1,5 +1,7 @@
 """Questions about connectivity and coincidence that volume and surface meshes share; plain arrays in, indices out."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
@@ -47,9 +49,9 @@ def directed_edges(polygons: IndexArray) -> IndexArray:
     return np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
-def edge_uses(polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return the undirected edges of polygons (m, c), shape (k, 2), and how many polygons have each, shape (k,)."""
-    edges = np.sort(directed_edges(polygons), axis=1)
+def edge_uses(polygons: Sequence[IndexArray]) -> tuple[IndexArray, IndexArray]:
+    """Return the undirected edges of polygons, arrays (m, c), shape (k, 2), and how many polygons have each, (k,)."""
+    edges = np.sort(np.concatenate([directed_edges(rows) for rows in polygons]), axis=1)
     size = int(edges.max(initial=0)) + 1
     keys, count = np.unique(edges[:, 0] * size + edges[:, 1], return_counts=True)
     return np.stack([keys // size, keys % size], axis=1), count

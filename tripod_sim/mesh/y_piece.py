@@ -148,7 +148,7 @@ def y_piece(level: YLevel, shape: YShape | None = None, kind: Element = H8_MODES
     ).reshape(-1, kind.size)
     elements = np.concatenate([cells + len(flat) * (order * k + steps[:, 2]) for k in range(level.layers)])
     used, elements = np.unique(elements, return_inverse=True)  # H20 has no nodes in faces and cells
-    return SolidMesh(nodes[used], elements.reshape(-1, kind.size), kind)
+    return SolidMesh.of(nodes[used], elements.reshape(-1, kind.size), kind)
 
 
 def _cross_lines(level: YLevel, shape: YShape, order: int) -> FloatArray:

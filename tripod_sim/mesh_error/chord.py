@@ -61,9 +61,8 @@ class Rotations:
     def __init__(self, mesh: SolidMesh, system: System) -> None:
         """`mesh`: the body's own; `system`: of the finer mesh, whose unknowns turn."""
         kind, corners = mesh.kind, mesh.nodes[mesh.elements]
-        middle = np.full((1, 3), 0.25 if kind.corners == 4 else 0.0)
-        slopes = kind.gradients(middle)[0]
-        inverse = np.linalg.inv(kind.jacobians(corners, middle)[:, 0])
+        slopes = kind.gradients(kind.centre)[0]
+        inverse = np.linalg.inv(kind.jacobians(corners, kind.centre)[:, 0])
         self._elements, self._slopes = mesh.elements, np.einsum("aj,ejk->eak", slopes, inverse)
         places = system.rest[system.reduction.free]
         self._around = cKDTree(corners.mean(axis=1)).query(places)[1]

@@ -28,7 +28,9 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import rotation_vector
 from tripod_sim.build import build
 from tripod_sim.effects.contact import contact_of
-from tripod_sim.errors import StepError
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.elements.quadratic_hexahedron import H20
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import quasi_static_steps
@@ -45,9 +47,6 @@ from tripod_sim.state import State
 from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import GENERATED, Mesh
-
-QUADRATIC = ("h20", "h20_full", "h27", "t10")
-"""Elements whose error is told by half their edges."""
 
 GRADED = 8
 """The coarsest mesh level of the Y whose cells are graded for quadratic elements; see `mesh.y_piece.LEVELS`."""
@@ -71,9 +70,15 @@ def finer(mesh: Mesh) -> Mesh:
     generated, element = mesh.source in GENERATED, element_of(mesh)
     if mesh.source == "y_piece" and mesh.level < GRADED:
         return replace(mesh, element="h20", level=GRADED)
-    if element in QUADRATIC:
-        return replace(mesh, element="h20" if generated else element, refine=mesh.refine + 1)
-    return replace(mesh, element="t10" if element == "t4" and not generated else "h20")
+    kind, hexahedral = ELEMENTS[element], H20.name
+    if kind.centres:
+        return replace(mesh, element=hexahedral if generated else element, refine=mesh.refine + 1)
+    if not (generated or kind.quadratic):
+        raise SceneError(
+            f"mesh_error cannot tell the error of mesh.element {element!r}: there is no quadratic element on the same "
+            "cells to compare with; leave out [mesh_error], and compare with a finer mesh"
+        )
+    return replace(mesh, element=hexahedral if generated else kind.quadratic)
 
 
 class MeshError:
@@ -90,6 +95,11 @@ class MeshError:
         Raises:
             SceneError: it cannot be built.
         """
+        if len(mesh.blocks) > 1:
+            raise SceneError(
+                f"mesh_error cannot tell the error of a mesh of several kinds of elements ({mesh.kinds}): there is no "
+                "quadratic mesh on the same cells to compare with; leave out [mesh_error], and compare with a finer one"
+            )
         fine, solver = richer(scene), simulated.solver
         parts = build(fine)
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)

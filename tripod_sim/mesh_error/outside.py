@@ -11,12 +11,11 @@ from scipy.spatial import cKDTree
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import build
-from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.described import described_mesh
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.mesh_error.support import Support
 from tripod_sim.parts import Parts, integrator_of
 from tripod_sim.scene import Scene, at_rest
@@ -108,7 +107,7 @@ class Outside:
         if scene.obstacles:
             self._world = integrator_of(simulated.stepper).world
             self._surface = np.unique(mesh.surface)
-            volume = float(node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum())
+            volume = float(solid_volumes(mesh).sum())
             stiffness = STIFF * initial_young(body.material) * volume ** (1 / 3)
             self._support = Support(self._nodes[self._surface], self._weights[self._surface], stiffness)
             self._stuck = np.zeros(len(self._surface), dtype=bool)
@@ -242,18 +241,18 @@ def interpolation(mesh: SolidMesh, points: FloatArray) -> tuple[IndexArray, Floa
     Points a little outside of the mesh take the values of the nearest element, continued.
     """
     kind, elements = mesh.kind, np.asarray(mesh.elements)
-    corners, tetrahedra = mesh.nodes[elements], kind.corners == 4
-    near = min(64 if tetrahedra else 8, len(elements))
+    corners = mesh.nodes[elements]
+    near = min(kind.neighbours, len(elements))
     candidates = cKDTree(corners.mean(axis=1)).query(points, near)[1].reshape(len(points), near)
     best, least = np.zeros((len(points), 3)), np.full(len(points), np.inf)
     chosen = candidates[:, 0].copy()
     for k in range(near):
-        nodes, xi = corners[candidates[:, k]], np.full((len(points), 3), 0.25 if tetrahedra else 0.0)
+        nodes, xi = corners[candidates[:, k]], np.repeat(kind.centre, len(points), axis=0)
         for _ in range(10):
             miss = points - np.einsum("pa,pai->pi", kind.functions(xi), nodes)
             jacobian = np.einsum("paj,pai->pij", kind.gradients(xi), nodes)
             xi = np.clip(xi + np.linalg.solve(jacobian, miss[:, :, None])[:, :, 0], -2.0, 2.0)
-        beyond = np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1) if tetrahedra else np.abs(xi).max(axis=1)
+        beyond = kind.beyond(xi)
         nearer = beyond < least - 1e-9
         best[nearer], least[nearer], chosen[nearer] = xi[nearer], beyond[nearer], candidates[nearer, k]
     return elements[chosen], kind.functions(best)

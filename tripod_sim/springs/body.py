@@ -72,6 +72,11 @@ class SpringBody:
         return self.ends
 
     @property
+    def count(self) -> int:
+        """Number of springs."""
+        return len(self.ends)
+
+    @property
     def surface(self) -> IndexArray:
         """The surface triangles, as `triangles`."""
         return self.triangles

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.materials.laws import NAMES
 from tripod_sim.tables.fields import number, one_of
 from tripod_sim.tables.robot import Effector, Servos
@@ -20,15 +21,17 @@ class Mesh:
 
     Attributes:
         source: The generators `y_piece` and `block` (a brick, or what it becomes with other corners), or the path of a
-            file with tetrahedra or hexahedra (relative to the scene's file): GiD text, gmsh, VTK, Abaqus and what else
-            meshio reads; the content tells the format, whatever the name.
+            file with tetrahedra, hexahedra or wedges (relative to the scene's file): GiD text, gmsh, VTK, Abaqus and
+            what else meshio reads; the content tells the format, whatever the name.
         level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
             8 to 11 for compliant clamps, whose bedded ends they divide, too; 12 (`h8_modes`) and 13 (`h20`) graded for
             them with as few unknowns as 1 % takes at rest; 14 (`h20`) as 0.5 % takes in motion.
         element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
-            `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
-            tetrahedra `t4` and `t10`). `auto`: the best that the cells allow without more of them, `h8_modes` of
-            linear hexahedra, `t10` of tetrahedra, `h20` and `h27` of hexahedra of as many nodes.
+            `h20`, `h20_full`, `h27`, wedges `w6`, tetrahedra `t4`, `t10`; of a file those that its cells allow (linear
+            hexahedra all, linear tetrahedra `t4` and `t10`). `auto`: the best that the cells allow without more of
+            them, `h8_modes` of linear hexahedra, `t10` of tetrahedra, `h20` and `h27` of hexahedra of as many nodes,
+            `w6` of wedges. In a file with several kinds of cells each becomes an element with its own nodes (linear
+            tetrahedra `t4`), those that the element fits the one named here.
         scale: Length unit of a file or of `corners` [m]: 0.001 for millimetres.
         refine: How many times every edge is halved, so that each element becomes eight.
         legs: Strips of the piece, evenly about Z; the servos' `count` goes with it.
@@ -39,9 +42,7 @@ class Mesh:
 
     source: str = "y_piece"
     level: int = number(2, low=1, high=14)
-    element: str = one_of(
-        AUTO, "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default=AUTO
-    )
+    element: str = one_of(AUTO, *ELEMENTS, default=AUTO)
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     refine: int = number(0, low=0, high=3)
     legs: int = number(3, low=3, high=6)

@@ -96,5 +96,4 @@ def size(simulation: Simulation) -> Size:
         if hasattr(value, "diagonal") and hasattr(value, "off") and hasattr(value, "data"):
             nonzeros = max(nonzeros, len(value.data))
     body = simulation.mesh
-    count = len(body.ends) if hasattr(body, "ends") else len(body.elements)
-    return Size(simulation.unknowns, len(body.nodes), count, nonzeros, entries)
+    return Size(simulation.unknowns, len(body.nodes), body.count, nonzeros, entries)

@@ -271,7 +271,7 @@ def _corners(source: str, fields: str) -> FloatArray:
     described = scene_of(source, own).mesh
     assert described
     mesh = described_mesh(described)
-    corners = np.unique(np.asarray(mesh.elements)[:, : mesh.kind.corners])
+    corners = np.unique(np.concatenate([e[:, : kind.corners].ravel() for kind, e in mesh.blocks]))
     some = np.unique(np.linspace(0, len(corners) - 1, min(len(corners), PROBES)).round().astype(np.int64))
     return np.asarray(mesh.nodes[corners[some]])
 
