@@ -275,7 +275,7 @@ def test_gid_numbers_need_not_be_in_order(tmp_path: Path) -> None:
         (edited(4, "20 1 0 0"), ("line 18", "node 2", "Coordinates")),
         (edited(20, ""), ("Elements", "line 13", "cut short")),
         (GOOD[: GOOD.index("End Coord")], ("Coordinates", "line 2", "cut short")),
-        (GOOD[: GOOD.index("Elements")], ("no tetrahedra or hexahedra", "cells: tetra")),
+        (GOOD[: GOOD.index("Elements")], ("no volume cells", "tetra (0)", "wedge")),
         (GOOD + "x" * 70000, ("line 21", "65536 bytes", "text file")),
         (GOOD + "\x00\x01 \x1b[2J", ("line 21", "Coordinates", "Elements", "MESH", "'\\x00\\x01'")),
     ],

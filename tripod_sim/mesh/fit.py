@@ -37,9 +37,10 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
     """
     volumes = {k: v for k, v in cells.volumes.items() if len(v)}
     if not volumes:
-        kinds = ", ".join([*cells.volumes, *cells.others]) or "none"
+        kinds = ", ".join([*(f"{kind} (0)" for kind in cells.volumes), *cells.others]) or "none"
         raise SceneError(
-            f"mesh.source: {name} has none of the cells that elements are made of, {', '.join(SIZES)} (cells: {kinds})"
+            f"mesh.source: {name} has no volume cells (its cells: {kinds}); export a volume mesh with cells of the kinds "
+            f"{', '.join(SIZES)}"
         )
     if cells.solid:
         raise SceneError(
