@@ -114,9 +114,9 @@ def html_command(file: Path, out: Path | None, topics: str, segment: int | None 
                 with bag.accounted():
                     session = read_session("html", bag, chosen(topics), segment)
                     _say(progress, "building the scene")
-                    rerun = session.rerun()
+                    resimulation = session.resimulation()
                 _say(progress, "simulating again")
-                arrays = session_arrays(rerun, session.segment, progress)
+                arrays = session_arrays(resimulation, session.segment, progress)
             if not pictures.write(arrays):
                 raise RecordError(
                     f"{bag.info.path} contains no step that can be simulated again; was the simulator recorded "
@@ -124,8 +124,8 @@ def html_command(file: Path, out: Path | None, topics: str, segment: int | None 
                 )
         except PictureError as error:
             raise RecordError(str(error)) from None
-        if rerun.outcome.different:
-            different.append(rerun.outcome.parted)
+        if resimulation.outcome.different:
+            different.append(resimulation.outcome.parted)
         return bag
 
     code = _run("html", out, write)

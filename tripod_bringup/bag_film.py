@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from tripod_record.segments import Segment
-from tripod_runtime.resimulation import Ended, Rerun
+from tripod_runtime.resimulation import Ended, Resimulation
 from tripod_study.recording import Recording
 
 PICTURES = 1500
@@ -17,26 +17,26 @@ RATE = 50.0
 
 
 def session_arrays(
-    rerun: Rerun, segment: Segment, progress: Callable[[float], None] | None = None
+    resimulation: Resimulation, segment: Segment, progress: Callable[[float], None] | None = None
 ) -> dict[str, Any]:
     """Make the session again and return its pictures; time goes on where the simulation was reset.
 
     Raises SceneError, StepError.
     """
-    simulation, length = rerun.simulation, max(1e-9 * (segment.end - segment.start), 1e-9)
+    simulation, length = resimulation.simulation, max(1e-9 * (segment.end - segment.start), 1e-9)
     recording = Recording(simulation, PICTURES + 2)
     every = max(1, round(max(1 / RATE, length / PICTURES) / simulation.scene.dt))
     times: list[float] = []
     while recording.count < PICTURES + 2:
         try:
-            joints = rerun.joints()
+            joints = resimulation.joints()
         except Ended:
             break
         simulation.step(joints)
-        rerun.compare()
-        if (rerun.outcome.steps - 1) % every == 0:
+        resimulation.compare()
+        if (resimulation.outcome.steps - 1) % every == 0:
             recording.add(simulation)
-            times.append(rerun.outcome.steps * simulation.scene.dt)
+            times.append(resimulation.outcome.steps * simulation.scene.dt)
             if progress:
-                progress(min(1.0, max(0.0, 1e-9 * (rerun.stamp - segment.start) / length)))
+                progress(min(1.0, max(0.0, 1e-9 * (resimulation.stamp - segment.start) / length)))
     return recording.arrays() | {"time": np.array(times)}

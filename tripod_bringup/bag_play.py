@@ -16,7 +16,7 @@ from tripod_record.errors import RecordError
 from tripod_record.info import printable
 from tripod_record.segments import chosen_segment, segment_lines
 from tripod_record.selection import is_selected, patterns
-from tripod_runtime.resimulation import Rerun
+from tripod_runtime.resimulation import Resimulation
 from tripod_sim.errors import SceneError, StepError
 
 RATES = (0.01, 100.0)
@@ -147,19 +147,19 @@ def _into_simulator(
         sessions = [s for s in sessions if 1e-9 * (s.segment.end - bag.start) > start] or sessions[-1:]
     lines = segment_lines(bag, segments)
     with compiling_told("tripod bag play"):
-        reruns = [session.rerun() for session in sessions]
+        resimulations = [session.resimulation() for session in sessions]
 
-    def player(session: Session, rerun: Rerun) -> Callable[[], Any]:
+    def player(session: Session, resimulation: Resimulation) -> Callable[[], Any]:
         def make() -> Any:
             from tripod_bringup.bag_simulator import SimPlayer  # noqa: PLC0415
 
-            return SimPlayer(session, rerun, start=start, rate=rate)
+            return SimPlayer(session, resimulation, start=start, rate=rate)
 
         return make
 
     return {
-        f"{lines[s.segment.number - 1]}: " if len(segments) > 1 else "": player(s, rerun)
-        for s, rerun in zip(sessions, reruns, strict=True)
+        f"{lines[s.segment.number - 1]}: " if len(segments) > 1 else "": player(s, resimulation)
+        for s, resimulation in zip(sessions, resimulations, strict=True)
     }
 
 

@@ -17,7 +17,7 @@ from tripod_record.segments import (
     segment_lines,
     simulators,
 )
-from tripod_runtime.resimulation import STAMP_ERROR, Body, Commands, Rerun, Saved
+from tripod_runtime.resimulation import STAMP_ERROR, Body, Commands, Resimulation, Saved
 from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.simulation import Simulation
 
@@ -36,9 +36,9 @@ class Session:
     namespace: str
     segment: Segment
 
-    def rerun(self) -> Rerun:
+    def resimulation(self) -> Resimulation:
         """Return what makes the steps again, with a new simulation. Raises SceneError, StepError."""
-        return Rerun(Simulation(scene_from_toml(self.segment.scene)), self._commands(), self._bodies())
+        return Resimulation(Simulation(scene_from_toml(self.segment.scene)), self._commands(), self._bodies())
 
     def _commands(self) -> Iterator[Commands | Saved]:
         commands, checkpoint = self.namespace + names.COMMANDS, self.namespace + names.CHECKPOINT

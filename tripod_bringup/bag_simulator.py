@@ -8,7 +8,7 @@ from tripod_graph.presence import publisher_elsewhere
 from tripod_record.errors import RecordError
 from tripod_runtime.node import SimNode
 from tripod_runtime.realtime import Activity
-from tripod_runtime.resimulation import Ended, Outcome, Rerun
+from tripod_runtime.resimulation import Ended, Outcome, Resimulation
 from tripod_sim.simulation import Simulation
 
 PERIOD = 0.05
@@ -27,19 +27,19 @@ class SimPlayer(SimNode):
 
     waiting = ""
 
-    def __init__(self, session: Session, rerun: Rerun, *, start: float, rate: float) -> None:
+    def __init__(self, session: Session, resimulation: Resimulation, *, start: float, rate: float) -> None:
         """Make the steps before `start` [s] at once. Raises RecordError where another simulator runs."""
         self._begin, self.duration = session.bag.start, session.bag.info.duration
-        self._session, self._recording = session, rerun
+        self._session, self._recording = session, resimulation
         self.done, self.failed = "", False
         while start and self.place < start:
             try:
-                joints = rerun.joints()
+                joints = resimulation.joints()
             except Ended:
                 break
-            rerun.simulation.step(joints)
-            rerun.compare()
-        super().__init__(rerun, rate=rate)
+            resimulation.simulation.step(joints)
+            resimulation.compare()
+        super().__init__(resimulation, rate=rate)
         self.create_timer(PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property

@@ -1,4 +1,4 @@
-"""The simulation that is to take the place of one that runs: built beside it, kernels compiled. Without ROS."""
+"""Hot swap: builds a changed simulation, kernels compiled, beside the running one that it replaces. Without ROS."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -15,8 +15,8 @@ PATIENCE = 0.5
 
 
 @dataclass(frozen=True)
-class Anew:
-    """A simulation that is ready.
+class Replacement:
+    """A simulation that is ready to replace the running one.
 
     Attributes:
         changes: Overrides that it was built with beside those that all have.
@@ -27,16 +27,16 @@ class Anew:
     simulation: Simulation
 
 
-class Successor:
-    """Builds in a thread what was wished last.
+class HotSwap:
+    """Builds the simulation that was requested last, in a thread.
 
     Attributes:
-        ready: What was wished; None until it is built.
+        ready: The simulation that was requested; None until it is built.
     """
 
     def __init__(self, refuse: Callable[[str], None]) -> None:
         """`refuse`: told why a wish cannot be built, in any thread; all goes on as it is."""
-        self.ready: Anew | None = None
+        self.ready: Replacement | None = None
         self._refuse, self._lock = refuse, threading.Lock()
         self._wished: tuple[tuple[str, ...], Scene] | None = None
         self._work: threading.Thread | None = None
@@ -61,7 +61,7 @@ class Successor:
         with self._lock:
             idle, self._wished = self._wished is None, wished
             if idle:
-                self._work = threading.Thread(target=self._build, name="successor", daemon=True)
+                self._work = threading.Thread(target=self._build, name="hot swap", daemon=True)
                 self._work.start()
 
     def close(self) -> None:
@@ -87,7 +87,7 @@ class Successor:
                 if self._wished is not wished:
                     continue
                 self._wished = None
-                self.ready = Anew(wished[0], simulation) if simulation else None
+                self.ready = Replacement(wished[0], simulation) if simulation else None
             if why:
                 self._refuse(why)
             return

@@ -1,4 +1,4 @@
-"""What the physics was given, step by step: enough to make the same steps again, bit for bit."""
+"""Log of the inputs of each step: enough to simulate the same steps again, bit for bit."""
 
 import threading
 
@@ -10,7 +10,7 @@ HEAD = 4
 """Columns of a run before its joints."""
 
 
-class Journal:
+class InputLog:
     """Runs of steps with the same joints, noted by the physics and taken by whoever publishes them.
 
     A run is a row: epoch (how often the simulation was reset), first and last step since the reset, stamp of the last

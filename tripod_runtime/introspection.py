@@ -1,4 +1,4 @@
-"""What the simulator's node tells of its scene and of the run, and what it may be asked: for pages and programs."""
+"""Introspection: the simulator's node publishes its scene and summaries of the run, and hears requests."""
 
 import json
 import math
@@ -18,8 +18,8 @@ from tripod_runtime.requests import Request, request_of
 from tripod_sim.errors import SceneError
 from tripod_sim.simulation import Simulation
 from tripod_study.accuracy.machine import product_time
-from tripod_study.summary.accuracy import accuracy_figures, as_table
-from tripod_study.summary.effects import effect_figures
+from tripod_study.summary.accuracy import accuracy_summary, as_table
+from tripod_study.summary.effects import effect_summary
 from tripod_study.summary.energy import EnergyBooks
 from tripod_study.summary.errors import errors_line
 from tripod_study.summary.picture import picture
@@ -29,7 +29,7 @@ PERIOD = 0.2
 """Time between two messages of figures [s]; none while nobody listens."""
 
 
-class Teller:
+class Introspection:
     """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`.
 
     Attributes:
@@ -41,10 +41,10 @@ class Teller:
     def __init__(
         self, node: Node, source: str, simulation: Simulation, first: Snapshot, changes: Sequence[str]
     ) -> None:
-        """Begin to tell of `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
+        """Publish about `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
         self._source, self._simulation, self._changes = source, simulation, list(changes)
         self._picture = picture(simulation)
-        self._effects = [asdict(f) for f in effect_figures(simulation.scene)]
+        self._effects = [asdict(f) for f in effect_summary(simulation.scene)]
         self._speed: float | None = None
         self._measuring: threading.Thread | None = None
         self._told: float | None = None
@@ -94,7 +94,7 @@ class Teller:
 
     def publish_scene(self) -> None:
         """Publish what there is to draw, what accuracies cost, and which effects there are."""
-        accuracy = as_table(accuracy_figures(self._source, self._simulation.scene, self._speed))
+        accuracy = as_table(accuracy_summary(self._source, self._simulation.scene, self._speed))
         table = {**self._picture, "changes": self._changes, "accuracy": accuracy, "effects": self._effects}
         self._scenes.publish(String(data=as_json(table)))
 

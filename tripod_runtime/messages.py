@@ -103,7 +103,7 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
 
 
 def commands_message(rows: FloatArray) -> Float64MultiArray:
-    """Return runs of a journal, shape (n, k); the labels tell rows and columns."""
+    """Return rows of the input log, shape (n, k); the labels tell rows and columns."""
     count, width = rows.shape
     columns = " ".join(("epoch", "first", "last", "stamp_ns", *_joint_names(width - HEAD)))
     layout = [

@@ -38,12 +38,12 @@ from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
 from tripod_host.arrays import FloatArray
 from tripod_runtime import lag, messages, realtime
-from tripod_runtime.hot_swap import Anew, Successor
-from tripod_runtime.introspection import Teller
+from tripod_runtime.hot_swap import HotSwap, Replacement
+from tripod_runtime.introspection import Introspection
 from tripod_runtime.notices import known, notices, stalls
 from tripod_runtime.realtime import RealTime, Snapshot, Speed
 from tripod_runtime.requests import Request, changed
-from tripod_runtime.resimulation import Rerun
+from tripod_runtime.resimulation import Resimulation
 from tripod_runtime.scene_topics import SceneTopics
 from tripod_runtime.settings import PARAMETERS
 from tripod_runtime.simulated_clock import SimulatedClock
@@ -69,21 +69,23 @@ REPEAT_PERIOD = 1.0
 class SimNode(Node):
     """Feeds `RealTime` with the commands of the graph and publishes its snapshots."""
 
-    def __init__(self, rerun: Rerun | None = None, *, rate: float = 1.0, begin: Anew | None = None) -> None:
+    def __init__(
+        self, resimulation: Resimulation | None = None, *, rate: float = 1.0, begin: Replacement | None = None
+    ) -> None:
         """Build the simulation.
 
         Args:
-            rerun: Make the steps of a recording again instead, `rate` times as fast.
-            rate: See `rerun`.
+            resimulation: Make the steps of a recording again instead, `rate` times as fast.
+            rate: See `resimulation`.
             begin: What takes the place of the simulation of another node; None: it builds its own.
         """
         super().__init__("sim")
         values = declare(self, PARAMETERS, self._adopt)
-        self._successor = Successor(self._no_successor)
+        self._hot_swap = HotSwap(self._refuse_hot_swap)
         self._source, self._overrides, self._changes = values["scene"], list[str](), list[str]()
         self._study = Path(values["study"]) if values["study"] else None
-        simulation = rerun.simulation if rerun else self._build(values, begin)
-        scene, self._rerun = simulation.scene, rerun
+        simulation = resimulation.simulation if resimulation else self._build(values, begin)
+        scene, self._resimulation = simulation.scene, resimulation
         self._logged = 0
         self._lock = threading.Lock()
         self._simulated = SimulatedClock(self, scene.dt) if values["publish_clock"] else None
@@ -104,18 +106,18 @@ class SimNode(Node):
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(
             simulation,
-            self._setpoint if rerun is None else self._recorded,
+            self._setpoint if resimulation is None else self._recorded,
             rate=rate,
             stamp=self._stamp,
             compliance_period=1 / values["compliance_rate"],
             on_snapshot=self._on_snapshot,
             on_reset=self._on_start_state,
         )
-        source = scene.name if rerun else values["scene"]
-        self._teller = Teller(self, source, simulation, self._physics.latest, self._changes)
-        self._teller.publish_scene()
-        if rerun is None:
-            self._teller.hear(self, self._on_request, self._refuse)
+        source = scene.name if resimulation else values["scene"]
+        self._introspection = Introspection(self, source, simulation, self._physics.latest, self._changes)
+        self._introspection.publish_scene()
+        if resimulation is None:
+            self._introspection.hear(self, self._on_request, self._refuse)
         self._shown: Snapshot | None = None
         self._shown_at = 0.0
         self._pose_rate = values["pose_rate"]
@@ -126,7 +128,7 @@ class SimNode(Node):
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
         self._lag = self._watch_speed(values)
-        self._teller.standing = lambda: self._successor.words or self._lag.advice(self._physics.speed())
+        self._introspection.standing = lambda: self._hot_swap.words or self._lag.advice(self._physics.speed())
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
@@ -136,11 +138,11 @@ class SimNode(Node):
         self._log_notes()
 
     @property
-    def anew(self) -> Anew | None:
-        """What a node that takes this one's place begins with; None until somebody asked for it and it is built."""
-        return self._successor.ready
+    def replacement(self) -> Replacement | None:
+        """The simulation that the next node of this process begins with; None until it is requested and built."""
+        return self._hot_swap.ready
 
-    def _build(self, values: dict[str, Any], begin: Anew | None) -> Simulation:
+    def _build(self, values: dict[str, Any], begin: Replacement | None) -> Simulation:
         """Return the simulation that the parameters describe, or that of `begin`, which is that with changes."""
         self._overrides = override_words(values["set"])
         if values["accuracy"]:
@@ -184,7 +186,7 @@ class SimNode(Node):
         words = (*self._overrides, *self._changes)
         propose = partial(lag.proposal, self._source, words, study=self._study)
         monitor = lag.LagMonitor(propose, self.get_logger().warning)
-        if not (values["publish_clock"] or self._rerun):
+        if not (values["publish_clock"] or self._resimulation):
             look = lambda: monitor.look(self._physics.speed(), time.monotonic())  # noqa: E731
             self.create_timer(lag.PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         return monitor
@@ -202,7 +204,7 @@ class SimNode(Node):
         self._checkpoint = self.create_publisher(UInt8MultiArray, names.CHECKPOINT, LATCHED)
         self._recorders = 0
         self._action: FollowAction | None = None
-        if self._rerun is None:  # what was commanded once is not commanded again
+        if self._resimulation is None:  # what was commanded once is not commanded again
             listen(self, self._on_decision)
             self.create_subscription(
                 RobotStatus, names.ROBOT_STATUS, self._on_robot_status, NEWEST, callback_group=Patient()
@@ -233,7 +235,7 @@ class SimNode(Node):
     def close(self) -> None:
         """End the physics."""
         self._lag.close()
-        self._successor.close()
+        self._hot_swap.close()
         self._physics.stop()
 
     def _new_follower(self) -> CommandFollower:
@@ -260,15 +262,15 @@ class SimNode(Node):
         return self._simulated.stamp if self._simulated else int(self.get_clock().now().nanoseconds)
 
     def _recorded(self, _: float) -> FloatArray | None:
-        assert self._rerun
+        assert self._resimulation
         if self._simulated:
             self._simulated.pass_by()
-        return self._rerun.joints()
+        return self._resimulation.joints()
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
-        self._teller.keep(snapshot)
-        if self._rerun:
-            self._rerun.compare()
+        self._introspection.keep(snapshot)
+        if self._resimulation:
+            self._resimulation.compare()
         if (c := messages.compliance_message(snapshot)) is not None:
             self._compliance.publish(c)
         if snapshot.step % self._pose_every == 0:
@@ -282,7 +284,7 @@ class SimNode(Node):
                 self._ball.publish(self._poses.message(snapshot, snapshot.ball))
 
     def _on_start_state(self) -> None:
-        self._teller.reset(self._physics.latest)
+        self._introspection.reset(self._physics.latest)
         with self._lock:
             self._follower, self._fence = self._new_follower(), Fence()
 
@@ -294,7 +296,7 @@ class SimNode(Node):
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
         self._shown, self._shown_at = snapshot, now
-        self._publish_journal()  # before the body to which it leads
+        self._publish_input_log()  # before the body to which it leads
         self._topics.publish(snapshot)
         if self._transforms:
             self._transforms.publish(snapshot)
@@ -367,7 +369,7 @@ class SimNode(Node):
 
     def _on_request(self, request: Request) -> None:
         """Do what a page asks; raise SceneError for what cannot be."""
-        self._teller.say("")
+        self._introspection.say("")
         match request.do:
             case "reset":
                 self._physics.request_reset()
@@ -378,18 +380,18 @@ class SimNode(Node):
             case "drop":
                 self._physics.between_steps(self._drop_ball)
             case _:
-                self._begin_anew(request)
+                self._restart_with(request)
 
     def _drop_ball(self, simulation: Simulation) -> None:
         try:
             simulation.drop_ball()
             self._physics.request_checkpoint()  # what is recorded can be made again from here on
         except SceneError as error:
-            self._teller.say(str(error))
+            self._introspection.say(str(error))
 
-    def _begin_anew(self, request: Request) -> None:
+    def _restart_with(self, request: Request) -> None:
         """Have what is asked for built beside what runs. Raises SceneError."""
-        changes, building = list[str](), self._successor.changes
+        changes, building = list[str](), self._hot_swap.changes
         now = self._changes if building is None else building
         if request.do == "effect":
             changes = changed(now, request)
@@ -399,10 +401,10 @@ class SimNode(Node):
             effects = [w for w in now if w.partition("=")[0] in EFFECTS]
             words = [*self._overrides, *effects]
             changes = list(switched(self._source, request.accuracy, words, study=self._study).overrides)
-        self._successor.wish(self._source, self._overrides, changes)
+        self._hot_swap.wish(self._source, self._overrides, changes)
 
-    def _no_successor(self, why: str) -> None:
-        self._teller.say(why)
+    def _refuse_hot_swap(self, why: str) -> None:
+        self._introspection.say(why)
         self.get_logger().warning(why)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -432,18 +434,18 @@ class SimNode(Node):
             and self._compliance.get_subscription_count() > 0
         )
         self._log_notes()
-        self._publish_journal()
+        self._publish_input_log()
         with self._lock:
             self._range.lapse(time.monotonic())
         self._status.publish(self._status_message())
 
-    def _publish_journal(self) -> None:
+    def _publish_input_log(self) -> None:
         """Publish what the steps were made with; who begins to record late gets a checkpoint to begin at."""
         recorders = self._checkpoint.get_subscription_count()
         if recorders > self._recorders:
             self._physics.request_checkpoint()
         self._recorders = recorders
-        rows = self._physics.journal.take()
+        rows = self._physics.input_log.take()
         if checkpoint := self._physics.take_checkpoint():  # first: it belongs before the last of the rows
             self._checkpoint.publish(messages.checkpoint_message(checkpoint))
         if len(rows):
@@ -454,7 +456,7 @@ class SimNode(Node):
             return int(SimStatus.FAILED)
         if self._physics.activity is realtime.Activity.PAUSED:
             return int(SimStatus.PAUSED)
-        if self._rerun or not self._arms or self._follower.activity is Activity.ACTIVE:
+        if self._resimulation or not self._arms or self._follower.activity is Activity.ACTIVE:
             return int(SimStatus.RUNNING)
         return int(SimStatus.HOLDING if self._follower.activity is Activity.HOLDING else SimStatus.PARKED)
 
@@ -491,7 +493,7 @@ class SimNode(Node):
             *self._authority.notices(time.monotonic()),
             beyond,
             self._lag.words(speed),
-            self._successor.words,
+            self._hot_swap.words,
             *self._physics.simulation.notes,
         )
         return "; ".join(word for word in words if word)
@@ -520,7 +522,7 @@ class SimNode(Node):
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
         ignored = next(self._authority.notices(time.monotonic()), "")
-        snap = snap_words(*firmness) if (firmness := self._teller.firmness) else ""
+        snap = snap_words(*firmness) if (firmness := self._introspection.firmness) else ""
         near = f"a snap is {snap}" if snap else ""
         still = STALLED if self._clock_of_motion.stalled else ""
         told = (stalls(latest), latest.report.instability, still, self._rival.notice, ignored, near)
@@ -558,18 +560,20 @@ def main(
     made: list[SimNode] = []
 
     def make() -> SimNode:
-        begin = made.pop().anew if made else None
+        begin = made.pop().replacement if made else None
         made.append(SimNode(begin=begin))
         return made[0]
 
-    def anew() -> bool:
-        return bool(made and made[0].anew)
+    def restarts() -> bool:
+        return bool(made and made[0].replacement)
 
     def companion(executor: Executor) -> Companion:
         assert beside
         return beside(executor, made[0].speeds)
 
-    return run_node("sim", make, arguments, until=anew, again=anew, beside=companion if beside else None)
+    return run_node(
+        "sim", make, arguments, until=restarts, again=restarts, beside=companion if beside else None
+    )
 
 
 if __name__ == "__main__":

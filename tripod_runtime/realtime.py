@@ -14,7 +14,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_runtime.checkpoint import Checkpoint
-from tripod_runtime.input_log import Journal
+from tripod_runtime.input_log import InputLog
 from tripod_runtime.resimulation import Ended
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import StepError
@@ -106,7 +106,7 @@ class RealTime(threading.Thread):
         activity: What the thread is doing.
         failure: Why it failed, empty if it did not.
         want_compliance: Whether anyone needs compliances now.
-        journal: What the steps were made with.
+        input_log: What the steps were made with.
         ended: Whether there is nothing more to step with.
     """
 
@@ -149,7 +149,7 @@ class RealTime(threading.Thread):
         self._steps_wanted = 0
         self._checkpoint: Checkpoint | None = None
         self._checkpoint_wanted = self.ended = False
-        self.journal = Journal()
+        self.input_log = InputLog()
         self.activity, self.failure = Activity.RUNNING, ""
         self.want_compliance = False
         self.latest = self._snapshot(compliance=False)
@@ -221,7 +221,7 @@ class RealTime(threading.Thread):
             every = max(1, round(self.compliance_period / self._simulation.scene.dt))
             due = self.want_compliance and self._simulation.state.step % every == 0
             snapshot = self._snapshot(compliance=due)
-            self.journal.add(snapshot.step, snapshot.stamp, joints)
+            self.input_log.add(snapshot.step, snapshot.stamp, joints)
             self.latest = snapshot  # nobody sees a state without the steps to it
             if self._on_snapshot:
                 self._on_snapshot(self.latest)
@@ -244,8 +244,8 @@ class RealTime(threading.Thread):
         self._checkpoint_wanted = False
         saved = self._simulation.save()
         self._simulation.restore(saved)
-        self.journal.cut()
-        self._checkpoint = Checkpoint(self.journal.epoch, *saved)
+        self.input_log.cut()
+        self._checkpoint = Checkpoint(self.input_log.epoch, *saved)
 
     def request_checkpoint(self) -> None:
         """Make a checkpoint before the next step; `take_checkpoint` returns it."""
@@ -260,7 +260,7 @@ class RealTime(threading.Thread):
         self._simulation.reset()
         self._done.clear()
         self._energies_due = float("-inf")
-        self.journal.reset()
+        self.input_log.reset()
         self.latest = self._snapshot(compliance=False)
         if self._on_reset:
             self._on_reset()

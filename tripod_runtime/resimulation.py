@@ -1,4 +1,4 @@
-"""Makes the steps of a recorded session again and compares the body with the recorded one, bit for bit."""
+"""Resimulation: simulates a recorded session again and compares each body with the recorded one, bit for bit."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ class Ended(Exception):  # noqa: N818 - the end of a session is no error
 
 @dataclass(frozen=True)
 class Commands:
-    """Runs of a `Journal`, shape (n, 4 + joints)."""
+    """Runs of a `InputLog`, shape (n, 4 + joints)."""
 
     rows: FloatArray
 
@@ -65,8 +65,8 @@ class Outcome:
 
 
 @dataclass
-class Rerun:
-    """Gives a simulation the joints of a recorded session and looks at each body.
+class Resimulation:
+    """Simulates a recorded session again and compares each recorded body.
 
     Call `joints`, step with what it returns, call `compare`; until `joints` raises `Ended`.
 

@@ -20,7 +20,7 @@ from tripod_sim.scene_short import soft_bodies, springs_alone
 from tripod_sim.script import Script, script_of
 from tripod_sim.simulation import Simulation
 from tripod_study.recording import Recording, check_out
-from tripod_study.summary.accuracy import accuracy_figures, finer
+from tripod_study.summary.accuracy import accuracy_summary, finer
 from tripod_study.summary.energy import EnergyBooks
 from tripod_study.summary.errors import LargestErrors
 from tripod_study.summary.stability import stability
@@ -138,7 +138,7 @@ def run(
         kept()
         stop.no_more(kept)
     books.add(simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time)
-    rest, accuracy = not description.inertia, accuracy_figures(scene, description)
+    rest, accuracy = not description.inertia, accuracy_summary(scene, description)
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )

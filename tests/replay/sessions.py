@@ -59,7 +59,7 @@ def run_session(
     """Let the physics' own thread run, as fast as it can, with joints that swing and hold at random.
 
     At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when
-    that happens is up to the machine. Every so many steps the body is kept, and the journal taken.
+    that happens is up to the machine. Every so many steps the body is kept, and the log of inputs taken.
     """
     simulation = Simulation(load_scene(scene, overrides))
     found = Recorded(simulation)
@@ -94,7 +94,7 @@ def run_session(
             take()
 
     def take() -> None:
-        rows = physics.journal.take()
+        rows = physics.input_log.take()
         if checkpoint := physics.take_checkpoint():
             found.checkpoints.append(checkpoint)
         if len(rows):

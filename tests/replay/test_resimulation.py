@@ -11,7 +11,7 @@ from tests.tiers import sampled
 from tripod_bringup.bag_session import Session, read_sessions
 from tripod_record.bag import Bag
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
-from tripod_runtime.resimulation import Body, Commands, Ended, Outcome, Rerun, Saved
+from tripod_runtime.resimulation import Body, Commands, Ended, Outcome, Resimulation, Saved
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_file import load_scene, scene_names
 from tripod_sim.simulation import Simulation
@@ -29,14 +29,14 @@ SLOW = {"drape", "drape_cubes", "silicone_drop", "tripod_ball", "incline"}
 """A step of these takes tens of milliseconds."""
 
 
-def made_again(rerun: Rerun) -> Outcome:
+def made_again(resimulation: Resimulation) -> Outcome:
     while True:
         try:
-            joints = rerun.joints()
+            joints = resimulation.joints()
         except Ended:
-            return rerun.outcome
-        rerun.simulation.step(joints)
-        rerun.compare()
+            return resimulation.outcome
+        resimulation.simulation.step(joints)
+        resimulation.compare()
 
 
 def session_of(bag: Bag) -> Session:
@@ -60,7 +60,7 @@ def test_a_session_made_again_is_the_recorded_one(
     at = {"reset_at": steps // 3, "checkpoint_at": 2 * steps // 3, "every": steps // 12}
     found = run_session(scene, overrides, steps=steps, seed=len(scene), **at)
     path = write_session(found, tmp_path / "whole")
-    outcome = made_again(session_of(Bag(path)).rerun())
+    outcome = made_again(session_of(Bag(path)).resimulation())
     assert outcome.different == 0, outcome.parted
     assert (outcome.steps, outcome.lost, outcome.unknown) == (steps, 0, 0)
     assert outcome.equal == len(found.bodies)
@@ -70,7 +70,7 @@ def test_a_recording_that_begins_late_is_made_again_from_its_first_reset_or_chec
     tmp_path: Path,
 ) -> None:
     found = run_session("tripod", ("mesh.level=1",), steps=120, seed=1, checkpoint_at=60)
-    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "late", first=1))).rerun())
+    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "late", first=1))).resimulation())
     assert outcome.different == 0, outcome.parted
     begin, saved = int(found.rows[1][0, 1]), found.checkpoints[0].state.step
     assert 1 < begin <= saved
@@ -90,7 +90,7 @@ def test_each_segment_of_a_recording_is_made_again_by_its_own_scene(tmp_path: Pa
     sessions = read_sessions(bag)
     assert [one.segment.number for one in sessions] == [1, 2, 3]
     for found, session in zip((first, second, third), sessions, strict=True):
-        outcome = made_again(session.rerun())
+        outcome = made_again(session.resimulation())
         assert outcome.different == 0, outcome.parted
         assert (outcome.equal, outcome.steps) == (len(found.bodies), session.segment.steps)
         assert (outcome.lost, outcome.unknown) == (0, 0)
@@ -100,7 +100,7 @@ def test_a_body_that_is_not_the_recorded_one_is_told_with_its_first_step(tmp_pat
     found = run_session("tripod", ("mesh.level=1",), steps=40, seed=2)
     for snapshot in found.bodies[2:]:
         snapshot.positions[5, 1] = np.nextafter(snapshot.positions[5, 1], 1.0)
-    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "changed"))).rerun())
+    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "changed"))).resimulation())
     assert (outcome.equal, outcome.different) == (2, len(found.bodies) - 2)
     assert_names(outcome.parted, f"step {found.bodies[2].step}", "node 5")
     assert 0 < outcome.largest < 1e-16
@@ -109,9 +109,9 @@ def test_a_body_that_is_not_the_recorded_one_is_told_with_its_first_step(tmp_pat
 def test_commands_of_another_scene_are_refused(tmp_path: Path) -> None:
     found = run_session("tripod", ("mesh.level=1",), steps=10, seed=3)
     found.rows = [rows[:, :-1] for rows in found.rows]
-    rerun = session_of(Bag(write_session(found, tmp_path / "narrow"))).rerun()
+    resimulation = session_of(Bag(write_session(found, tmp_path / "narrow"))).resimulation()
     with raises_naming(SceneError, "'tripod'", "8 columns"):
-        rerun.joints()
+        resimulation.joints()
 
 
 def test_a_checkpoint_is_read_back_bit_for_bit_and_only_for_its_own_scene() -> None:
@@ -145,6 +145,6 @@ def test_a_state_that_was_changed_at_the_start_is_the_one_that_is_made_again(tmp
         recorded.step(joints)
         bodies.append(Body(step, step, recorded.shown(recorded.positions).copy()))
     rows = np.array([[0, 1, 3, 3, *joints]])
-    rerun = Rerun(Simulation(scene), [Saved(checkpoint), Commands(rows)], bodies)
-    assert made_again(rerun).equal == 3
-    np.testing.assert_array_equal(rerun.simulation.state.rigid.centres, recorded.state.rigid.centres)
+    resimulation = Resimulation(Simulation(scene), [Saved(checkpoint), Commands(rows)], bodies)
+    assert made_again(resimulation).equal == 3
+    np.testing.assert_array_equal(resimulation.simulation.state.rigid.centres, recorded.state.rigid.centres)

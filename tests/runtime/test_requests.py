@@ -112,7 +112,10 @@ def test_the_node_does_what_is_asked_and_says_what_it_does_not(make) -> None:
     ear.ask(effect="gravity", on=False)  # a ball needs gravity
     graph.wait(lambda: names(ear.notice(), "gravity"), "the refusal")
     ear.ask(effect="sleep", on=True)
-    graph.wait(lambda: graph.node.anew and graph.node.anew.changes == ("sleep={}",), "the wish to begin anew")
+    graph.wait(
+        lambda: graph.node.replacement and graph.node.replacement.changes == ("sleep={}",),
+        "the restart",
+    )
 
 
 @pytest.mark.ros
@@ -121,9 +124,9 @@ def test_all_goes_on_while_another_simulation_is_built_and_the_newest_wish_count
 ) -> None:
     pytest.importorskip("rclpy")
     from tripod_graph import names as topics
-    from tripod_runtime import hot_swap as successor
+    from tripod_runtime import hot_swap
 
-    may, built, simulation = threading.Event(), list[str](), successor.Simulation
+    may, built, simulation = threading.Event(), list[str](), hot_swap.Simulation
 
     def slow(scene):
         built.append(scene.name)
@@ -132,7 +135,7 @@ def test_all_goes_on_while_another_simulation_is_built_and_the_newest_wish_count
             raise StepError("no rest")
         return simulation(scene)
 
-    monkeypatch.setattr(successor, "Simulation", slow)
+    monkeypatch.setattr(hot_swap, "Simulation", slow)
     graph = make(scene="pendulum", set="duration=1.0").start()
     ear = Ear(graph.ear)
     graph.wait(lambda: ear.requests.get_subscription_count() and ear.figures, "the simulator")
@@ -147,10 +150,12 @@ def test_all_goes_on_while_another_simulation_is_built_and_the_newest_wish_count
     refusal = ("cannot continue", "damping={}; gravity=off: no rest")
     graph.wait(lambda: names(ear.notice(), *refusal), "why not")
     assert len(built) == 2
-    assert graph.node.anew is None
+    assert graph.node.replacement is None
     ear.ask(effect="damping", on=True)
-    graph.wait(lambda: graph.node.anew and graph.node.anew.changes == ("damping={}",), "what is ready")
-    assert graph.node.anew.simulation.scene.damping
+    graph.wait(
+        lambda: graph.node.replacement and graph.node.replacement.changes == ("damping={}",), "what is ready"
+    )
+    assert graph.node.replacement.simulation.scene.damping
 
 
 @pytest.mark.ros
@@ -161,8 +166,8 @@ def test_an_accuracy_of_the_page_wins_over_what_was_set_at_the_start(make) -> No
     ear = Ear(graph.ear)
     graph.wait(ear.requests.get_subscription_count, "the simulator's subscription")
     ear.ask(accuracy="reference")
-    graph.wait(lambda: graph.node.anew, "the setting")
-    scene = graph.node.anew.simulation.scene
+    graph.wait(lambda: graph.node.replacement, "the setting")
+    scene = graph.node.replacement.simulation.scene
     assert scene.dt == choose("pendulum", "reference").settings["dt"] != 0.02
     assert scene.springs.node_mass == 0.02
 

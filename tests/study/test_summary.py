@@ -16,8 +16,8 @@ from tripod_sim.integrators.report import MeshErrorReport, StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.simulation import Energies
 from tripod_study.accuracy.choice import percent
-from tripod_study.summary.accuracy import WISHES, accuracy_figures
-from tripod_study.summary.effects import effect_figures
+from tripod_study.summary.accuracy import WISHES, accuracy_summary
+from tripod_study.summary.effects import effect_summary
 from tripod_study.summary.energy import EnergyBooks, total
 from tripod_study.summary.errors import LargestErrors, effector_error, errors_line, mesh_error
 from tripod_study.summary.picture import picture
@@ -189,7 +189,7 @@ def test_explicit_schemes_tell_their_limit() -> None:
 
 
 def test_a_studied_scene_tells_where_it_is_on_the_front_and_what_others_cost() -> None:
-    figures = accuracy_figures("tripod", load_scene("tripod"), 0.04)
+    figures = accuracy_summary("tripod", load_scene("tripod"), 0.04)
     assert [offer.wish for offer in figures.offers] == list(WISHES)
     assert figures.measured is not None
     assert figures.bound is not None
@@ -201,15 +201,15 @@ def test_a_studied_scene_tells_where_it_is_on_the_front_and_what_others_cost() -
     seconds, least = zip(*figures.front, strict=True)
     assert list(seconds) == sorted(seconds)
     assert list(least) == sorted(least, reverse=True)
-    slower = accuracy_figures("tripod", load_scene("tripod"), 0.08)
+    slower = accuracy_summary("tripod", load_scene("tripod"), 0.08)
     assert slower.here_seconds == pytest.approx(2 * figures.here_seconds)
-    assert not accuracy_figures("tripod", load_scene("tripod")).scaled
+    assert not accuracy_summary("tripod", load_scene("tripod")).scaled
 
 
 @pytest.mark.parametrize("name", ["cloth", "maze", "silicone", "drape"])
 def test_the_error_of_a_scene_is_the_one_that_its_study_measured(name: str) -> None:
     """The value is the stored study's own: of the point with the settings of the scene."""
-    figures = accuracy_figures(name, load_scene(name))
+    figures = accuracy_summary(name, load_scene(name))
     table = json.loads((STUDIES / f"{name}.json").read_text(encoding="utf-8"))
     point = next(p for p in table["points"] if p["settings"] == table["default"])
     assert figures.measured == pytest.approx(
@@ -247,24 +247,24 @@ def sorted_errors(table: dict[str, Any]) -> list[float]:
 def test_what_was_not_studied_is_not_known(
     scene: str, overrides: tuple[str, ...], why: tuple[str, ...]
 ) -> None:
-    figures = accuracy_figures(scene, load_scene(scene, overrides), 0.04)
+    figures = accuracy_summary(scene, load_scene(scene, overrides), 0.04)
     assert figures.measured is None
     assert figures.bound is None
     assert_names(figures.line, *why)
 
 
 def test_a_scene_that_a_study_has_not_seen_is_promised_nothing() -> None:
-    offers = accuracy_figures("tripod", load_scene("tripod", ["material.young=1e5"]), 0.04).offers
+    offers = accuracy_summary("tripod", load_scene("tripod", ["material.young=1e5"]), 0.04).offers
     assert all(offer.settings and offer.measured is offer.bound is None for offer in offers)
 
 
 def test_start_motion_and_what_only_tells_leave_the_accuracy_as_it_is() -> None:
     free = ["duration=9", "servos.angles=[0.1, 0, 0]", "motion=off", "time_error={}", "mesh_error={}"]
-    assert accuracy_figures("tripod", load_scene("tripod", free)).measured is not None
+    assert accuracy_summary("tripod", load_scene("tripod", free)).measured is not None
 
 
 def test_an_accuracy_that_nothing_reaches_says_so() -> None:
-    offers = {o.wish: o for o in accuracy_figures("maze", load_scene("maze"), 0.04).offers}
+    offers = {o.wish: o for o in accuracy_summary("maze", load_scene("maze"), 0.04).offers}
     assert offers["1%"].measured is None
     best = offers["reference"].bound
     assert best is not None
@@ -275,7 +275,7 @@ def test_an_accuracy_that_nothing_reaches_says_so() -> None:
 def test_every_effect_is_listed_with_why_it_cannot_be_switched_on() -> None:
     for name in ("tripod", "stack", "cloth"):
         scene = load_scene(name)
-        found = effect_figures(scene)
+        found = effect_summary(scene)
         assert {f.name for f in found} == set(EFFECTS)
         assert [f.on for f in found] == sorted((f.on for f in found), reverse=True)
         for figure in found:
@@ -285,10 +285,10 @@ def test_every_effect_is_listed_with_why_it_cannot_be_switched_on() -> None:
             if not figure.on and figure.why_not and figure.name != "obstacles":  # which would be a file
                 with raises_naming(SceneError, figure.name):
                     load_scene(name, words(figure.name))
-    reasons = {f.name: f.why_not for f in effect_figures(load_scene("stack"))}
+    reasons = {f.name: f.why_not for f in effect_summary(load_scene("stack"))}
     assert_names(reasons["damping"], "damping", "soft body")
     assert reasons["sleep"] == ""
-    still = {f.name: f.why_not for f in effect_figures(load_scene("tripod", ["inertia=off", "damping=off"]))}
+    still = {f.name: f.why_not for f in effect_summary(load_scene("tripod", ["inertia=off", "damping=off"]))}
     assert_names(still["damping"], "damping", "inertia")
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from tests.view.fake_simulator import FakeSimulator
 from tripod_sim import Simulation, load_scene
-from tripod_study.summary.accuracy import accuracy_figures, as_table
-from tripod_study.summary.effects import effect_figures
+from tripod_study.summary.accuracy import accuracy_summary, as_table
+from tripod_study.summary.effects import effect_summary
 from tripod_study.summary.energy import EnergyBooks
 from tripod_study.summary.errors import errors_line
 from tripod_study.summary.picture import picture
@@ -20,8 +20,8 @@ from tripod_study.summary.stability import stability, stability_lines
 def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.ndarray]:
     """Return picture, figures, nodes and triangles of a scene at its start."""
     simulation = Simulation(load_scene(scene))
-    accuracy = as_table(accuracy_figures(scene, simulation.scene, 0.04))
-    effects = [asdict(f) for f in effect_figures(simulation.scene)]
+    accuracy = as_table(accuracy_summary(scene, simulation.scene, 0.04))
+    effects = [asdict(f) for f in effect_summary(simulation.scene)]
     table = {**picture(simulation), "changes": [], "accuracy": accuracy, "effects": effects}
     books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     figures = asdict(stability(simulation.report, 0, books.balance, simulation.scene.dt))

@@ -85,7 +85,7 @@ class AccuracyFigures:
     scaled: bool = False
 
 
-def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> AccuracyFigures:
+def accuracy_summary(source: str, scene: Scene, speed: float | None = None) -> AccuracyFigures:
     """Return what is known of the accuracy of a scene.
 
     Args:

@@ -29,7 +29,7 @@ class EffectFigure:
     why_not: str = ""
 
 
-def effect_figures(scene: Scene) -> list[EffectFigure]:
+def effect_summary(scene: Scene) -> list[EffectFigure]:
     """Return all effects, those that the scene has first."""
     text, found = scene_to_toml(scene), list[EffectFigure]()
     for name in EFFECTS:
