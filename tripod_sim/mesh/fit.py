@@ -39,8 +39,8 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
     if not volumes:
         kinds = ", ".join([*(f"{kind} (0)" for kind in cells.volumes), *cells.others]) or "none"
         raise SceneError(
-            f"mesh.source: {name} has no volume cells (its cells: {kinds}); export a volume mesh with cells of the kinds "
-            f"{', '.join(SIZES)}"
+            f"mesh.source: {name} has no volume cells (its cells: {kinds}); export a volume mesh with cells of the "
+            f"kinds {', '.join(SIZES)}"
         )
     if cells.solid:
         raise SceneError(
