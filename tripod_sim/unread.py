@@ -6,7 +6,7 @@ from typing import Any
 
 from tripod_sim.effects.maze import Maze
 from tripod_sim.scene_short import joints_of
-from tripod_sim.tables.bodies import Material, Mesh, Rigid, Springs
+from tripod_sim.tables.bodies import Material, Mesh, Obstacle, Rigid, Springs
 from tripod_sim.tables.fields import tables_in
 
 
@@ -28,7 +28,6 @@ class Reads:
 READS = {
     Mesh: Reads("source", {"y_piece": ("level", "legs"), "block": ("corners", "cells", "scale")}, ("scale",)),
     Springs: Reads("source", {"chain": ("nodes", "size"), "grid": ("nodes", "size")}, ("scale",)),
-    Rigid: Reads("shape", {"box": ("size",), "ball": ("radius",)}, ("source", "scale")),
     Maze: Reads("source", {".stl": ("scale", "start", "goal")}, ("pitch", "wall", "height", "hole_radius")),
 }
 
@@ -39,7 +38,7 @@ def unread(scene: Any) -> list[str]:
     for path, table in tables_in(scene):
         if isinstance(table, Material) and table.density and (names := _given(path, table, ["mass"])):
             found.append(f"{names}: ignored, because {path}.density is given; leave one out")
-        if reads := READS.get(type(table)):
+        if reads := READS.get(type(table)) or _of_shapes(table):
             kind = getattr(table, reads.kind)
             counted = next(
                 (names for end, names in reads.by_kind.items() if kind.endswith(end)), reads.others
@@ -61,6 +60,15 @@ def unread(scene: Any) -> list[str]:
                     f"{names}: ignored, because no servo slides; set servo.0.inward, ... or leave it out"
                 )
     return found
+
+
+def _of_shapes(table: Any) -> Reads | None:
+    """Return what the shapes of rigid bodies and obstacles read; None for another table."""
+    if not isinstance(table, Rigid | Obstacle):
+        return None
+    from tripod_sim.contact.shapes import field_reads  # noqa: PLC0415 - an effect that is absent is not imported
+
+    return Reads("shape", field_reads(), ())
 
 
 def _given(path: str, table: Any, names: Sequence[str]) -> str:

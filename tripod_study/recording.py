@@ -197,9 +197,9 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         rows = [standing(arm).values() for arm in simulation.joints.arms]
         found["arms"] = np.array([np.hstack(list(row)) for row in rows])
     if scene.obstacles:
-        from tripod_sim.contact.contact_build import obstacle_parts  # noqa: PLC0415 - only with obstacles
+        from tripod_sim.contact.contact_build import obstacle_shapes  # noqa: PLC0415 - only with obstacles
 
-        parts = obstacle_parts(scene)
+        parts = obstacle_shapes(scene)
         first = np.cumsum([0, *(len(part.vertices) for part in parts)])
         found["still_vertices"] = np.concatenate([part.vertices for part in parts])
         found["still_triangles"] = np.concatenate(

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from tests.checks import random_rotation
 from tripod_sim.contact.ccd_kernels import time_of_approach
-from tripod_sim.contact.distance_kernels import (
+from tripod_sim.distance_kernels import (
     across,
-    point_triangle,
+    point_triangle_distance,
     segment_segment,
     triangle_normal,
 )
@@ -40,9 +40,9 @@ def assert_closest(point: np.ndarray, others: np.ndarray, corners: np.ndarray) -
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(SHAPES))
-def test_point_triangle_is_the_least_distance(seed: int, shape: str) -> None:
+def test_point_triangle_distance_is_the_least_distance(seed: int, shape: str) -> None:
     x = four_points(np.random.default_rng(seed), shape)
-    wa, wb, wc, square = point_triangle(*x)
+    wa, wb, wc, square = point_triangle_distance(*x)
     assert min(wa, wb, wc) >= 0
     assert wa + wb + wc == pytest.approx(1, abs=1e-14)
     q = wa * x[1] + wb * x[2] + wc * x[3]
@@ -115,7 +115,7 @@ def test_the_gap_is_kept_until_the_time_returned(seed: int, shape: str, first: i
     x, d = four_points(rng, shape), rng.standard_normal((4, 3)) * 10**power
 
     def distance(y: np.ndarray) -> float:
-        return float(np.sqrt(point_triangle(*y)[3] if first == 1 else segment_segment(*y)[2]))
+        return float(np.sqrt(point_triangle_distance(*y)[3] if first == 1 else segment_segment(*y)[2]))
 
     gap = 0.3 * distance(x)
     time = approach(x, d, first, gap)

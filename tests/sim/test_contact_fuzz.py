@@ -6,11 +6,11 @@ from tests.checks import random_rotation
 from tests.sim.contact_bodies import G, ball_on, plate
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import LEAST, Detector
-from tripod_sim.contact.distance_kernels import point_triangle, segment_segment
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.start import passing
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.contact.world import World
+from tripod_sim.distance_kernels import point_triangle_distance, segment_segment
 
 DISTANCE, ALARM = 1e-3, 3e-3
 
@@ -46,7 +46,7 @@ def distance_of(a: np.ndarray, b: np.ndarray) -> float:
     least = np.inf
     for p, t in ((a, b), (b, a)):
         for k in range(3):
-            least = min(least, point_triangle(p[k], t[0], t[1], t[2])[3])
+            least = min(least, point_triangle_distance(p[k], t[0], t[1], t[2])[3])
             for j in range(3):
                 square = segment_segment(p[k], p[(k + 1) % 3], t[j], t[(j + 1) % 3])[2]
                 least = min(least, square)
@@ -110,7 +110,7 @@ def test_ball_is_found_wherever_it_is_near_even_with_its_centre_on_a_feature() -
         detector = Detector(surfaces, x, DISTANCE, ALARM)
         detector.near(x, found)
         assert_sound(found)
-        gap = float(np.sqrt(point_triangle(x[0], x[1], x[2], x[3])[3])) - radius
+        gap = float(np.sqrt(point_triangle_distance(x[0], x[1], x[2], x[3])[3])) - radius
         assert found.count > 0 or gap > 0.99 * ALARM, (case, kind, gap)
 
 

@@ -11,6 +11,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.ball.obstacles import Obstacles
+from tripod_sim.distance_kernels import point_triangle_distance
 
 TOUCHING = 1e-11
 """Distance above `reach` at which a moving ball counts as touching [m]."""
@@ -56,41 +57,15 @@ def box_distance(box: Array, q: Array, normal: Array) -> float:
 def triangle_distance(triangle: Array, q: Array, normal: Array, weights: Array) -> float:
     """Return the distance from `q` to a triangle [m]; write the unit vector from it to `q` and the closest point.
 
-    The closest point by the Voronoi regions of corners, edges and face [Ericson2005, section 5.1.5].
-
     Args:
         triangle: Corners [m], shape (9,).
         q: Point [m], shape (3,).
         normal: Written, shape (3,); where the distance is 0, the normal of the triangle.
         weights: Barycentric coordinates of the closest point, written, shape (3,).
     """
-    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
-    for i in range(3):
-        ab, ac = triangle[3 + i] - triangle[i], triangle[6 + i] - triangle[i]
-        ap, bp, cp = q[i] - triangle[i], q[i] - triangle[3 + i], q[i] - triangle[6 + i]
-        d1 += ab * ap
-        d2 += ac * ap
-        d3 += ab * bp
-        d4 += ac * bp
-        d5 += ab * cp
-        d6 += ac * cp
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    if d1 <= 0.0 and d2 <= 0.0:
-        v, w = 0.0, 0.0
-    elif d3 >= 0.0 and d4 <= d3:
-        v, w = 1.0, 0.0
-    elif d6 >= 0.0 and d5 <= d6:
-        v, w = 0.0, 1.0
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        v, w = d1 / (d1 - d3), 0.0
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        v, w = 0.0, d2 / (d2 - d6)
-    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        v = 1.0 - w
-    else:
-        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
-    weights[0], weights[1], weights[2] = 1.0 - v - w, v, w
+    weights[0], weights[1], weights[2], _ = point_triangle_distance(
+        q, triangle[:3], triangle[3:6], triangle[6:]
+    )
     square = 0.0
     for i in range(3):
         normal[i] = (

@@ -1,6 +1,5 @@
 """Scene to what all bodies in contact share: obstacles from files, the start of rigid bodies, the stepper."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,13 +8,13 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
+from tripod_sim.contact.shape import Shape
+from tripod_sim.contact.shapes import shape_of
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.effects.contact import Contact
-from tripod_sim.errors import SceneError
 from tripod_sim.integrators.schemes import implicit_euler
-from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, rigids_of
 from tripod_sim.steppers import reach_of
@@ -33,18 +32,19 @@ EXACT, POWER, ROUGH = 0.02, 2.0, 0.03
 forces moves bodies by as much in each part, and there are about A^-1/2 of these."""
 
 
+def obstacle_shapes(scene: Scene) -> list[Shape]:
+    """Return the obstacles of `scene` where they stand. Raises SceneError, naming file and line."""
+    return [
+        shape_of(obstacle, f"obstacles.{i}", obstacle=True).obstacle(
+            np.array(obstacle.position), quaternion_matrix(obstacle.orientation)
+        )
+        for i, obstacle in enumerate(scene.obstacles)
+    ]
+
+
 def obstacle_parts(scene: Scene) -> list[Part]:
-    """Return the surfaces of the obstacles of `scene`. Raises SceneError, naming file and line."""
-    parts = []
-    for i, obstacle in enumerate(scene.obstacles):
-        if "." not in obstacle.source:
-            raise SceneError(
-                f"obstacles.{i}.source is {obstacle.source!r}; allowed: the path of an OBJ or STL file"
-            )
-        surface = read_surface(Path(obstacle.source), obstacle.scale, f"obstacles.{i}.source")
-        vertices = surface.vertices @ quaternion_matrix(obstacle.orientation).T
-        parts.append(Part(vertices + np.array(obstacle.position), surface.triangles, fixed=True))
-    return parts
+    """Return the surfaces with which the obstacles of `scene` touch. Raises SceneError, naming file and line."""
+    return [shape.part for shape in obstacle_shapes(scene)]
 
 
 def upward(scene: Scene) -> FloatArray:

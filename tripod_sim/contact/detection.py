@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
-from tripod_sim.contact import met_kernels, narrow_kernels
+from tripod_sim.contact import ccd_kernels, narrow_kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
-from tripod_sim.contact.narrow_kernels import BALLS
+from tripod_sim.contact.narrow_kernels import BALLS, EDGES, FACES, SEGMENTS
 from tripod_sim.contact.region_kernels import Topology
 from tripod_sim.contact.surfaces import Surfaces
 
@@ -22,8 +22,8 @@ LEAST = 0.1
 class _Query:
     """One kind of pair: moving shapes against fixed ones in a tree built once, or against moving ones.
 
-    ones, others: Vertices and triangles, edges and edges or balls and balls, as the kernels take them; `first` tells
-    which. `flipped`: the points are fixed.
+    ones, others: Numbers of the shapes of each pair, of the kind `first`, as the kernels take them. `flipped`: the
+    points are fixed.
     """
 
     boxes: Boxes
@@ -73,8 +73,14 @@ class Detector:
         points, faces, edges = s.moving_points, s.moving_triangles, s.moving_edges
         round_ones = s.radius > 0
         balls, fixed_balls = points[round_ones[points]], np.flatnonzero(round_ones & ~self._moving)
+        has_radius = round_ones[s.edges[s.lone_edges, 0]]
+        segments, fixed_segments = (
+            np.intersect1d(s.lone_edges[has_radius], of) for of in (edges, s.fixed_edges)
+        )
+        chains = np.intersect1d(s.lone_edges[~has_radius], edges)
         shapes = {
             "points": points[:, None], "faces": s.triangles[faces], "edges": s.edges[edges], "balls": balls[:, None],
+            "segments": s.edges[segments], "chains": s.edges[chains],
         }  # fmt: skip
         boxes = {name: self._around(shape) for name, shape in shapes.items()}
         self._trees = list[Tree]()
@@ -88,17 +94,22 @@ class Detector:
                 target.sweep(vertices, vertices)
                 tree = Tree(target)
                 tree.update()
-                flipped, query = name == "faces", boxes[name]
+                flipped, query = name in ("faces", "segments", "chains"), boxes[name]
                 if held is not None and (yields := ~held[shapes[name]].all(axis=1)).sum() < len(mine):
                     mine, query = mine[yields], self._around(shapes[name][yields])
                 one, other = (theirs, mine) if flipped else (mine, theirs)
                 self._queries.append(_Query(query, tree, target, one, other, first, flipped))
 
-        against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, 1)
-        against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)
-        against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, 2)
+        against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, FACES)
+        against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, FACES)
+        against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, EDGES)
+        against_fixed("points", points, s.edges[fixed_segments], fixed_segments, SEGMENTS)
+        against_fixed("segments", segments, s.fixed_points[:, None], s.fixed_points, SEGMENTS)
+        against_fixed("chains", chains, fixed_balls[:, None], fixed_balls, SEGMENTS)
         against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, BALLS)
-        numbers = {"points": points, "faces": faces, "edges": edges, "balls": balls}
+        numbers = {
+            "points": points, "faces": faces, "edges": edges, "balls": balls, "segments": segments, "chains": chains,
+        }  # fmt: skip
         self._compare_moving(numbers, shapes, boxes)
         self._compare_led()
         used = [q.boxes for q in self._queries] + [q.target for q in self._queries if q.tree in self._trees]
@@ -112,7 +123,7 @@ class Detector:
         A large body that does not touch itself is set apart and only compared with others: most pairs are its own.
 
         Args:
-            numbers: Of the moving points, faces, edges and balls.
+            numbers: Of the moving points, faces, edges, balls, round segments and edges of chains.
             shapes: Their vertices.
             boxes: Around them.
         """
@@ -138,7 +149,8 @@ class Detector:
             alike.append((True, False))
         unlike = [*alike, (False, True)] if apart else alike
         for name, query, first, sides in (
-            ("faces", "points", 1, unlike), ("edges", "edges", 2, alike), ("balls", "balls", BALLS, alike),
+            ("faces", "points", FACES, unlike), ("edges", "edges", EDGES, alike), ("balls", "balls", BALLS, alike),
+            ("segments", "points", SEGMENTS, unlike), ("chains", "balls", SEGMENTS, unlike),
         ):  # fmt: skip
             for one, other in sides:
                 (mine, asked), (theirs, target) = part(query, of_large=one), part(name, of_large=other)
@@ -155,13 +167,15 @@ class Detector:
         points = s.moving_points[rigid[s.moving_points]]
         faces = s.moving_triangles[rigid[s.triangles[s.moving_triangles, 0]]]
         edges = s.moving_edges[rigid[s.edges[s.moving_edges, 0]]]
+        segments = np.intersect1d(s.lone_edges, edges)
         for one, two, first in (
-            (points, s.led_triangles, 1), (s.led_points, faces, 1), (edges, s.led_edges, 2),
+            (points, s.led_triangles, FACES), (s.led_points, faces, FACES), (edges, s.led_edges, EDGES),
+            (s.led_points, segments, SEGMENTS),
         ):  # fmt: skip
             if len(one) and len(two):
-                target = self._around(s.triangles[two] if first == 1 else s.edges[two])
+                target = self._around(s.triangles[two] if first == FACES else s.edges[two])
                 self._trees.append(tree := Tree(target))
-                asked = self._around(one[:, None] if first == 1 else s.edges[one])
+                asked = self._around(s.edges[one] if first == EDGES else one[:, None])
                 self._queries.append(_Query(asked, tree, target, one, two, first, False))
 
     def _around(self, shapes: IndexArray) -> Boxes:
@@ -181,7 +195,7 @@ class Detector:
         """
         none, out = np.zeros((0, 2), dtype=np.int64), ContactSet()
         for q in self._queries:
-            met_kernels.met_contacts(
+            ccd_kernels.met_contacts(
                 none, q.ones, q.others, q.first, q.flipped, self._top, x, self._move, self.distance, np.zeros(0),
                 self._earliest, self._moving, narrow_kernels.MET, out.arrays, 0,
             )  # fmt: skip
@@ -237,7 +251,7 @@ class Detector:
             if len(pairs) > len(self._when[k]):
                 self._when[k] = np.zeros(len(pairs) + len(pairs) // 2)
             when = self._when[k][: len(pairs)]
-            met_kernels.times(
+            ccd_kernels.times(
                 pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, least, when,
                 self._earliest,
             )  # fmt: skip
@@ -248,7 +262,7 @@ class Detector:
         choice = narrow_kernels.ANY if take_all else narrow_kernels.MET
         for q, pairs, when in found:
             _add(
-                out, met_kernels.met_contacts, pairs, q.ones, q.others, q.first, q.flipped, self._top, start,
+                out, ccd_kernels.met_contacts, pairs, q.ones, q.others, q.first, q.flipped, self._top, start,
                 self._move, self.distance, when, self._earliest, self._moving, choice,
             )  # fmt: skip
         out.unique()

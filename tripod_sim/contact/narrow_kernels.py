@@ -1,4 +1,4 @@
-"""Narrow phase: from pairs of shapes that are near to contacts. Of those that meet in a step see `met_kernels`.
+"""Narrow phase: from pairs of shapes that are near to contacts. Of those that meet in a step see `ccd_kernels`.
 
 Only local minima of the distance become contacts: where the closest point lies on an edge or a vertex, the other side
 must lie in the region that this feature is closest to, else a neighbour is closer and makes the contact. So a vertex
@@ -11,7 +11,6 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import FIRST, KIND, Contacts
-from tripod_sim.contact.distance_kernels import across, point_triangle, segment_segment, triangle_normal
 from tripod_sim.contact.region_kernels import (
     HELD_ROOM,
     MET_ROOM,
@@ -28,6 +27,12 @@ from tripod_sim.contact.region_kernels import (
     may_touch,
     parallel,
 )
+from tripod_sim.distance_kernels import (
+    across,
+    point_triangle_distance,
+    segment_segment,
+    triangle_normal,
+)
 
 VERTEX_VERTEX, VERTEX_EDGE, VERTEX_FACE, EDGE_EDGE = 0, 1, 2, 3
 """What touches what, of moving vertices and edges against others; in a contact's key."""
@@ -35,8 +40,12 @@ VERTEX_VERTEX, VERTEX_EDGE, VERTEX_FACE, EDGE_EDGE = 0, 1, 2, 3
 NEAR, MET, ANY = 0, 1, 2
 """Which contacts are made: of shapes that are near; that meet; or all that are asked about."""
 
-BALLS = 0
-"""Instead of the vertices of the first shape of a pair: two balls."""
+BALLS, FACES, EDGES, SEGMENTS = 0, 1, 2, 3
+"""Kinds of pairs: two round points; a point and a triangle; two edges; a point and a segment of no triangle.
+
+A shape is a set of points, segments and triangles with a radius about them: a ball is a round point, a capsule a round
+segment with round points at its ends. Distances are those of the sets, less their radii.
+"""
 
 NOWHERE = 1e-9
 """A distance below this fraction of the contact distance has no direction."""
@@ -78,12 +87,12 @@ def point_face(
 ) -> int:  # fmt: skip
     """Write the contact of vertex p with triangle t unless another makes it; return the next place.
 
-    `y` holds where the point and the corners are, shape (4, 3), `closest` what `point_triangle` says of them; `x` all
-    vertices, for the regions of features; `choice` is NEAR, MET or ANY.
+    `y` holds where the point and the corners are, shape (4, 3), `closest` what `point_triangle_distance` returns for
+    them; `x` all vertices, for the regions of features; `choice` is NEAR, MET or ANY.
     """
     a, b, c = top.triangles[t, 0], top.triangles[t, 1], top.triangles[t, 2]
     wa, wb, wc, square = closest
-    offset = distance + top.radius[p]
+    offset, round_point = distance + top.radius[p] + top.radius[a], top.radius[p] > 0.0
     for i in range(3):
         n[i] = y[0, i] - wa * y[1, i] - wb * y[2, i] - wc * y[3, i]
     gone = np.sqrt(square)
@@ -94,6 +103,8 @@ def point_face(
         total = wa + wb + wc
         wa, wb, wc = wa / total, wb / total, wc / total
     zeros = (wa == 0.0) + (wb == 0.0) + (wc == 0.0)
+    if round_point:
+        face_only = False  # the vertices of triangles are not compared with it
     if zeros == 2 and face_only and choice == NEAR:
         return at  # the vertices of the triangle see this one themselves
     if face_only:
@@ -129,6 +140,40 @@ def point_face(
 
 
 @njit(cache=True, error_model="numpy")
+def point_segment(
+    top: Topology, x: Array, y: Array, p: int, e: int, closest: tuple[float, float, float, float], distance: float,
+    choice: int, n: Array, out: Contacts, at: int,
+) -> int:  # fmt: skip
+    """Write the contact of vertex p with segment e of no triangle unless another makes it; return the next place.
+
+    The ends of a round segment are round points, which make theirs; those of a chain do not see the round vertex p.
+    `closest` is what `point_triangle_distance` returns for the segment as a triangle a b b; the rest as in
+    `point_face`.
+    """
+    a, b, wa, key = top.edges[e, 0], top.edges[e, 1], closest[0], _key(VERTEX_EDGE, p, e)
+    end = not 1e-9 < wa < 1.0 - 1e-9
+    if end and choice == NEAR and top.radius[a] > 0.0:
+        return at
+    for i in range(3):
+        n[i] = y[0, i] - wa * y[1, i] - (1.0 - wa) * y[2, i]
+    gone = np.sqrt(closest[3])
+    if gone > NOWHERE * distance:
+        if choice == NEAR and not is_closest(top, x, p, n):
+            return at
+        if end and choice == NEAR and not in_vertex_region(top, x, a if wa > 0.5 else b, n, ROOM):
+            return at
+        for i in range(3):
+            n[i] /= gone
+    else:
+        across(y[2, 0] - y[1, 0], y[2, 1] - y[1, 1], y[2, 2] - y[1, 2], n)
+    if end:
+        wa = 1.0 if wa > 0.5 else 0.0
+        key = _key(VERTEX_VERTEX, p, a if wa > 0.5 else b)
+    offset = distance + top.radius[p] + top.radius[a]
+    return _put(out, at, (p, a, b, b), (1.0, -wa, wa - 1.0, 0.0), key, offset, gone, n)
+
+
+@njit(cache=True, error_model="numpy")
 def edge_edge(
     top: Topology, x: Array, y: Array, e: int, f: int, closest: tuple[float, float, float], distance: float,
     choice: int, held: Array, n: Array, out: Contacts, at: int,
@@ -157,7 +202,8 @@ def edge_edge(
     else:
         edge_normal(top, x, y, f, n)
     a, b, c, d = top.edges[e, 0], top.edges[e, 1], top.edges[f, 0], top.edges[f, 1]
-    return _put(out, at, (a, b, c, d), (1.0 - s, s, t - 1.0, -t), _key(EDGE_EDGE, e, f), distance, gone, n)
+    offset = distance + top.radius[a] + top.radius[c]
+    return _put(out, at, (a, b, c, d), (1.0 - s, s, t - 1.0, -t), _key(EDGE_EDGE, e, f), offset, gone, n)
 
 
 @njit(cache=True, error_model="numpy")
@@ -226,11 +272,17 @@ def _through_edge(
 def vertices_of(
     triangles: Array, edges: Array, body: Array, itself: Array, first: int, i: int, j: int
 ) -> tuple[bool, int, int, int, int]:
-    """Return whether a pair can touch, and its four vertices, of balls one repeated."""
+    """Return whether a pair can touch, and its four vertices, where it has fewer the last repeated.
+
+    The last one is of the second shape.
+    """
     if first == BALLS:
         a, b, c, d = i, j, j, j
         apart = i != j
-    elif first == 1:
+    elif first == SEGMENTS:
+        a, b, c, d = i, edges[j, 0], edges[j, 1], edges[j, 1]
+        apart = a not in (b, c)
+    elif first == FACES:
         a, b, c, d = i, triangles[j, 0], triangles[j, 1], triangles[j, 2]
         apart = a not in (b, c, d)
     else:
@@ -244,12 +296,12 @@ def near_contacts(
     pairs: Array, ones: Array, others: Array, first: int, flipped: bool, top: Topology, x: Array, distance: float,
     reach: float, held: Array, out: Contacts, at: int,
 ) -> int:  # fmt: skip
-    """Write contacts of pairs of shapes closer than `reach` [m], besides the radius of balls.
+    """Write contacts of pairs of shapes closer than `reach` [m], besides their radii.
 
     Args:
         pairs: (place in `ones`, place in `others`), the other way round if `flipped`, shape (p, 2).
-        ones, others: Vertices and triangles (`first` 1), edges and edges (2) or balls and balls (`BALLS`).
-        first: Vertices of the first shape, or `BALLS`.
+        ones, others: Numbers of the shapes of each pair, of the kind `first`.
+        first: `BALLS`, `FACES`, `EDGES` or `SEGMENTS`.
         flipped: The points are fixed and the triangles move: then only insides of triangles count.
         top, x: Surfaces and where their vertices are [m], shape (n, 3).
         distance: The gap is the distance less this [m].
@@ -278,15 +330,21 @@ def near_contacts(
             y[0, m], y[1, m], y[2, m], y[3, m] = x[a, m], x[b, m], x[c, m], x[d, m]
         if first == BALLS:
             at = ball_ball(top, y, i, j, distance, reach, n, out, at)
-        elif first == 1:
-            closest = point_triangle(y[0], y[1], y[2], y[3])
-            near = closest[3] < (reach + radius[i]) ** 2
+        elif first == SEGMENTS:
+            closest = point_triangle_distance(y[0], y[1], y[2], y[3])
+            if closest[3] < (reach + radius[a] + radius[d]) ** 2:
+                at = point_segment(top, x, y, i, j, closest, distance, NEAR, n, out, at)
+        elif first == FACES:
+            closest = point_triangle_distance(y[0], y[1], y[2], y[3])
+            near = closest[3] < (reach + radius[a] + radius[d]) ** 2
             if near and not (body[a] == body[b] and _through_face(top, x, y, i, j, closest, n)):
                 at = point_face(top, x, y, i, j, flipped, closest, distance, NEAR, n, out, at)
         else:
             pair = segment_segment(y[0], y[1], y[2], y[3])
             # where the closest point is an end a vertex of the one sees the other's triangles or edges
-            near = 0.0 < pair[0] < 1.0 and 0.0 < pair[1] < 1.0 and pair[2] < reach * reach
+            near = (
+                0.0 < pair[0] < 1.0 and 0.0 < pair[1] < 1.0 and pair[2] < (reach + radius[a] + radius[d]) ** 2
+            )
             if near and not (body[a] == body[c] and _through_edge(top, x, y, i, j, pair, n)):
                 at = edge_edge(top, x, y, i, j, pair, distance, NEAR, held, n, out, at)
     return at

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.contact.distance_kernels import SLIVER, across, triangle_normal
+from tripod_sim.distance_kernels import SLIVER, across, triangle_normal
 
 ROOM, OWN_ROOM, HELD_ROOM = 1e-6, 0.2, 0.6
 """How far outside of a feature's region a direction may point, as a cosine. More is allowed of the shape that touches
@@ -45,8 +45,8 @@ def may_touch(body: Array, itself: Array, a: int, b: int) -> bool:
 def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bool:
     """Return whether direction `w`, from edge e outward, points into none of the triangles at e, but for a cosine.
 
-    A triangle without an area, as for `point_triangle`, has no inside: where its third corner is beside the edge is
-    rounding.
+    A triangle without an area, as for `point_triangle_distance`, has no inside: where its third corner is beside the
+    edge is rounding.
     """
     a, b = top.edges[e, 0], top.edges[e, 1]
     u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]

@@ -1,19 +1,16 @@
 """Scene to rigid bodies, beside a soft body or alone."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
-from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
+from tripod_sim.contact.shapes import shape_of
 from tripod_sim.effects.contact import contact_of
-from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.rigid_state import RigidState
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import rigids_of
-from tripod_sim.tables.bodies import Rigid
 
 if TYPE_CHECKING:
     from tripod_sim.parts import Parts
@@ -22,7 +19,7 @@ if TYPE_CHECKING:
 def rigid_set(scene: Scene) -> RigidSet:
     """Return the rigid bodies of `scene` where it places them. Raises SceneError."""
     fields, bodies = zip(*rigids_of(scene), strict=True)
-    shapes = [_shape(body, f"{field}.source") for field, body in zip(fields, bodies, strict=True)]
+    shapes = [shape_of(body, field) for field, body in zip(fields, bodies, strict=True)]
     mass = np.array([body.mass for body in bodies])
     start = RigidState(
         np.array([body.position for body in bodies]),
@@ -32,14 +29,6 @@ def rigid_set(scene: Scene) -> RigidSet:
     )
     gravity = np.array(scene.gravity.acceleration) if scene.gravity else np.zeros(3)
     return RigidSet(shapes, mass, start, gravity, fields)
-
-
-def _shape(body: Rigid, field: str) -> Shape:
-    if body.shape == "box":
-        return box(body.size)
-    if body.shape == "ball":
-        return ball(body.radius)
-    return solid_of(read_surface(Path(body.source), body.scale, field), f"{field} {body.source!r}")
 
 
 def build_rigid(scene: Scene) -> "Parts":

@@ -10,7 +10,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.contact.rigid_shapes import Shape
+from tripod_sim.contact.shape import Shape
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.rigid_state import RigidState
 from tripod_sim.state import State

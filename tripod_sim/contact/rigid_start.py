@@ -2,48 +2,17 @@
 
 from dataclasses import replace
 
-import numpy as np
-from numba import njit
-
-from tripod_host.arrays import Array, FloatArray
-from tripod_sim.contact.distance_kernels import point_triangle
+from tripod_host.arrays import FloatArray
 from tripod_sim.contact.rigid_set import RigidSet
-from tripod_sim.contact.start import height_that_frees, passing, winding
-from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.contact.start import height_that_frees, passing
+from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError
 from tripod_sim.rigid_state import RigidState
 
 
 def overlaps(one: Part, other: Part) -> bool:
     """Return whether two bodies where they are, at most one of them soft, pass through each other."""
-    if one.radius > 0 and other.radius > 0:
-        apart = float(np.linalg.norm(one.vertices[0] - other.vertices[0]))
-        return apart < one.radius + other.radius
-    if one.radius > 0 or other.radius > 0:
-        ball, body = (one, other) if one.radius > 0 else (other, one)
-        return _in_ball(ball, body)
     return bool(passing(one, [other]).size or passing(other, [one]).size)
-
-
-def _in_ball(ball: Part, body: Part) -> bool:
-    """Return whether a surface comes into a ball, or holds its centre."""
-    shapes = [body.triangles, body.segments[:, [0, 1, 1]]]
-    nearest = float(_nearest(ball.vertices[0], body.vertices, np.concatenate(shapes)))
-    if nearest < ball.radius:
-        return True
-    if not len(body.triangles) or not (join([body])[0].faces[:, 1] >= 0).all():
-        return False
-    return bool(abs(winding(ball.vertices[0], body.vertices, body.triangles)) > 0.5)
-
-
-@njit(cache=True, error_model="numpy")
-def _nearest(p: Array, x: Array, triangles: Array) -> float:
-    """Return the distance of point p from triangles [m]."""
-    least = np.inf
-    for t in range(triangles.shape[0]):
-        square = point_triangle(p, x[triangles[t, 0]], x[triangles[t, 1]], x[triangles[t, 2]])[3]
-        least = min(least, square)
-    return np.sqrt(least)
 
 
 def place_bodies(

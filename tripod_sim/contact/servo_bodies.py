@@ -11,7 +11,7 @@ from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact.bodies import Body
-from tripod_sim.contact.rigid_shapes import box
+from tripod_sim.contact.shapes.box import box
 from tripod_sim.contact.solid_nodes import HELD
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.integrators.scheme import Stage

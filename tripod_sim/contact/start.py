@@ -1,6 +1,7 @@
 """Bodies that pass through obstacles at the start: named, or lifted out."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,8 +38,14 @@ def mark_passing(
 def passing(body: Part, obstacles: list[Part]) -> IndexArray:
     """Return the vertices of `body` that pass through an obstacle, or lie inside of a closed one, ascending.
 
-    A body that lies inside as a whole is told by its first vertex.
+    A body that lies inside as a whole is named by its first vertex. With a radius, of one or both, vertices count whose
+    triangles come closer than the radii.
     """
+    hard = [part for part in obstacles if not part.radius]
+    if body.radius or len(hard) < len(obstacles):
+        near = [within(part, body) for part in obstacles if part.radius or body.radius]
+        rest = passing(body, hard) if hard and not body.radius else near[0]
+        return np.unique(np.concatenate([*near, rest]))
     surfaces, x = join([body, *obstacles])
     n = len(body.vertices)
     marked = np.zeros(len(x), dtype=np.bool_)
@@ -54,6 +61,24 @@ def passing(body: Part, obstacles: list[Part]) -> IndexArray:
         if abs(turns) > 0.5 and _closed(part):
             return np.zeros(1, dtype=np.int64)
     return found
+
+
+def within(one: Part, other: Part) -> IndexArray:
+    """Return the vertices of `other` that are in triangles, segments or points closer to those of `one` than the radii.
+
+    One of both has a radius, which has no triangles. One that lies within a closed surface counts as close.
+    """
+    if not one.radius:
+        return np.arange(len(other.vertices)) if within(other, one).size else np.zeros(0, dtype=np.int64)
+    marked = np.zeros(len(other.vertices), dtype=np.bool_)
+    own = one.segments if len(one.segments) else np.zeros((1, 2), dtype=np.int64)
+    sets = np.concatenate([other.triangles, other.segments[:, [0, 1, 1]]])
+    if not len(sets):
+        sets = np.arange(len(other.vertices))[:, None].repeat(3, axis=1)
+    kernels.mark_within(own, one.vertices, sets, other.vertices, one.radius + other.radius, marked)
+    if not marked.any() and len(other.triangles) and _closed(other):
+        marked[0] = abs(winding(one.vertices[0], other.vertices, other.triangles)) > 0.5
+    return np.flatnonzero(marked)
 
 
 def winding(p: FloatArray, x: FloatArray, triangles: IndexArray) -> float:
@@ -151,7 +176,7 @@ def lift(
     """
 
     def clear(height: float) -> bool:
-        here = Part(body.vertices + height * up, body.triangles, body.segments)
+        here = replace(body, vertices=body.vertices + height * up)
         return not passing(here, obstacles).size
 
     return height_that_frees(clear, distance, f"{name} from what it passes through") * up

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.distance_kernels import point_triangle_distance, segment_segment
 
 
 @njit(cache=True, error_model="numpy")
@@ -55,3 +56,35 @@ def mark_passing(pairs: Array, edges: Array, triangles: Array, x: Array, least: 
         ):
             for v in (p, q, a, b, c):
                 out[v] = True
+
+
+@njit(cache=True, error_model="numpy")
+def _segment_triangle(p: Array, q: Array, a: Array, b: Array, c: Array) -> float:
+    """Return the squared distance of segment p q from triangle a b c [m²]; both may be degenerate."""
+    if passes(p, q, a, b, c):
+        return 0.0
+    least = min(point_triangle_distance(p, a, b, c)[3], point_triangle_distance(q, a, b, c)[3])
+    least = min(least, segment_segment(p, q, a, b)[2])
+    return min(least, segment_segment(p, q, b, c)[2], segment_segment(p, q, c, a)[2])
+
+
+@njit(cache=True, error_model="numpy")
+def mark_within(
+    segments: Array, ends: Array, triangles: Array, x: Array, distance: float, out: Array
+) -> None:
+    """Mark the vertices of `triangles` at `x` [m] that are closer than `distance` [m] to segments, `out` (n,).
+
+    Args:
+        segments: Of vertices at `ends`, shape (s, 2); a point is a segment from itself to itself.
+        ends: [m], shape (m, 3).
+        triangles: Of vertices at `x`, shape (t, 3); segments and points repeat the last vertex.
+        x: [m], shape (n, 3).
+        distance: [m].
+        out: Changed.
+    """
+    for s in range(segments.shape[0]):
+        p, q = ends[segments[s, 0]], ends[segments[s, 1]]
+        for t in range(triangles.shape[0]):
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            if _segment_triangle(p, q, x[a], x[b], x[c]) < distance * distance:
+                out[a] = out[b] = out[c] = True

@@ -17,12 +17,12 @@ class Part:
 
     Attributes:
         vertices: Positions at the start [m], shape (n, 3).
-        triangles: Of vertices, shape (t, 3); none for a ball or a chain.
+        triangles: Of vertices, shape (t, 3); none for a ball, a capsule or a chain.
         filled: Whether each triangle has a solid on its inner side, shape (t,); empty: none has.
-        segments: Edges that belong to no triangle, of vertices, shape (s, 2): those of a chain.
+        segments: Edges that belong to no triangle, of vertices, shape (s, 2): those of a chain or a capsule.
         fixed: Whether it never moves.
         rigid: Whether it moves as a whole: then it is touched where it is sharp, as if it were fixed.
-        radius: Of the sphere about each vertex [m]; positive for a ball, which is a single vertex.
+        radius: Of the sphere about each point of it [m]; positive for a ball, a vertex, and for a capsule, a segment.
         self_contact: Whether it may touch itself.
         led: Whether it moves as it is told: rigid bodies alone meet it.
     """
@@ -60,6 +60,7 @@ class Surfaces:
         fixed_triangles, fixed_edges, fixed_points: Of parts that never move; of edges and vertices only the sharp ones:
             a flat one, and a hollow one of a closed surface, cannot be touched but where something else is.
         moving_triangles, moving_edges, moving_points: Of others that are not led; of rigid ones only the sharp edges.
+        lone_edges: Edges of no triangle, those of chains and capsules, shape (r,).
         rigid: Whether each part moves as a whole, freely, shape (parts,).
         led_triangles, led_edges, led_points: Of led parts; of edges only the sharp ones.
     """
@@ -80,6 +81,7 @@ class Surfaces:
     moving_triangles: IndexArray
     moving_edges: IndexArray
     moving_points: IndexArray
+    lone_edges: IndexArray
     rigid: BoolArray
     led_triangles: IndexArray
     led_edges: IndexArray
@@ -117,15 +119,15 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
     stiff, led = np.array([[p.rigid, p.led] for p in parts]).T
     still, free = fixed[body], ~(fixed | led)[body]
     pointed = np.bincount(edges[sharp].ravel(), minlength=n) > 0
+    radius = np.repeat([p.radius for p in parts], counts).astype(float)
     surfaces = Surfaces(
-        body, np.array([p.self_contact for p in parts]), np.repeat([p.radius for p in parts], counts).astype(float),
-        triangles, filled, edges, sides, faces, first_edge, edge_list,
-        np.flatnonzero(still[triangles[:, 0]]), np.flatnonzero(still[edges[:, 0]] & sharp),
-        np.flatnonzero(still & pointed),
+        body, np.array([p.self_contact for p in parts]), radius, triangles, filled, edges, sides, faces, first_edge,
+        edge_list, np.flatnonzero(still[triangles[:, 0]]), np.flatnonzero(still[edges[:, 0]] & sharp),
+        np.flatnonzero(still & (pointed | (radius > 0))),
         np.flatnonzero(free[triangles[:, 0]]),
         np.flatnonzero(free[edges[:, 0]] & (sharp | ~stiff[body[edges[:, 0]]])), np.flatnonzero(free),
-        stiff & ~led, np.flatnonzero(led[body[triangles[:, 0]]]), np.flatnonzero(led[body[edges[:, 0]]] & sharp),
-        np.flatnonzero(led[body]),
+        np.flatnonzero(faces[:, 0] < 0), stiff & ~led, np.flatnonzero(led[body[triangles[:, 0]]]),
+        np.flatnonzero(led[body[edges[:, 0]]] & sharp), np.flatnonzero(led[body]),
     )  # fmt: skip
     return surfaces, vertices
 

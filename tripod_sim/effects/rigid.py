@@ -1,7 +1,7 @@
 """Effect: rigid bodies, beside soft ones or alone."""
 
 from tripod_sim.effect import Described, Effect, Need
-from tripod_sim.errors import SceneError, shown
+from tripod_sim.effects.obstacles import check_source
 from tripod_sim.tables.bodies import Rigid
 from tripod_sim.tables.fields import check_unit
 
@@ -9,16 +9,7 @@ from tripod_sim.tables.fields import check_unit
 def check(tables: tuple[Rigid, ...], scene: Described) -> None:
     """Raise SceneError if a body is described wrongly."""
     for i, body in enumerate(tables):
-        named = "." in body.source
-        if body.shape == "surface" and not named:
-            raise SceneError(
-                f"rigid.{i}.source is {shown(body.source)}; for shape 'surface' allowed: the path of an OBJ or STL file"
-            )
-        if body.shape != "surface" and body.source:
-            raise SceneError(
-                f"rigid.{i}.source is {shown(body.source)}, but rigid.{i}.shape is {body.shape!r}; leave it out, or "
-                "choose shape 'surface'"
-            )
+        check_source(body, f"rigid.{i}")
         check_unit(f"rigid.{i}.orientation", body.orientation)
 
 
@@ -35,7 +26,6 @@ EFFECT = Effect(
         "contact.rigid_bodies",
         "contact.rigid_build",
         "contact.rigid_set",
-        "contact.rigid_shapes",
         "contact.rigid_start",
     ),
     words=("rigid=[{position=[0.0, 0.0, 1.0]}]",),

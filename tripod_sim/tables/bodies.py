@@ -1,6 +1,9 @@
 """Tables of what a scene is made of: meshes, materials, springs, rigid bodies, obstacles."""
 
+import pkgutil
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.materials.laws import NAMES
@@ -10,6 +13,11 @@ from tripod_sim.tables.robot import Effector, Servos
 YOUNG, DENSITY = (1e3, 1e12), (10.0, 25e3)
 """What is usual: from jelly to diamond [Pa], from foam to osmium [kg/m³]."""
 
+
+SHAPES: Final = tuple(
+    sorted(m.name for m in pkgutil.iter_modules([str(Path(__file__).parents[1] / "contact" / "shapes")]))
+)
+"""What rigid bodies and obstacles can be: a file each, none of which a scene without contact imports."""
 
 AUTO, GENERATED = "auto", {"y_piece": "h8_modes", "block": "h8_modes"}
 """The element of a mesh where a scene names none, and which one that is of what each generator makes."""
@@ -189,17 +197,26 @@ class Tie:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A surface that never moves. Needs contact.
+    """A body that never moves. Needs contact.
 
     Attributes:
-        source: Path of an OBJ or STL file (relative to the scene's file).
+        shape: `surface` (from a file, which may be open), `box` (edges `size`), `ball` (`radius`) or `capsule`
+            (`radius`, `length`).
+        source: Path of the OBJ or STL file of a `surface` (relative to the scene's file).
         scale: Length unit of the file [m]: 0.001 for millimetres.
-        position: Where the file's origin lies [m].
-        orientation: Of the file's axes about that point: unit quaternion x, y, z, w.
+        size: Edges of a box [m].
+        radius: Of a ball or a capsule [m].
+        length: Of a capsule, between the centres of its ends, along its Z axis [m].
+        position: Where the centre, or the file's origin, lies [m].
+        orientation: Of its axes about that point: unit quaternion x, y, z, w.
     """
 
-    source: str
+    source: str = ""
     scale: float = number(1.0, unit="m", above=0, high=1e3)
+    shape: str = one_of(*SHAPES, default="surface")
+    size: tuple[float, float, float] = number((0.1, 0.1, 0.1), unit="m", above=0, high=1e3)
+    radius: float = number(0.05, unit="m", above=0, high=1e3)
+    length: float = number(0.1, unit="m", above=0, high=1e3)
     position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
     orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
 
@@ -209,11 +226,13 @@ class Rigid:
     """A body that moves as a whole. Needs contact.
 
     Attributes:
-        shape: `box` (edges `size`), `ball` (`radius`) or `surface`, the inside of a closed surface from a file.
+        shape: `box` (edges `size`), `ball` (`radius`), `capsule` (`radius`, `length`) or `surface`, the inside of a
+            closed surface from a file.
         source: Path of the OBJ or STL file of a `surface` (relative to the scene's file).
         scale: Length unit of the file [m]: 0.001 for millimetres.
         size: Edges of a box [m].
-        radius: Of a ball [m].
+        radius: Of a ball or a capsule [m].
+        length: Of a capsule, between the centres of its ends, along its Z axis [m].
         mass: [kg], spread evenly.
         position: Of the centre of mass at the start [m].
         orientation: At the start: unit quaternion x, y, z, w.
@@ -221,11 +240,12 @@ class Rigid:
         spin: Angular velocity at the start, in world [rad/s].
     """
 
-    shape: str = one_of("box", "ball", "surface", default="box")
+    shape: str = one_of(*SHAPES, default="box")
     source: str = ""
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     size: tuple[float, float, float] = number((0.1, 0.1, 0.1), unit="m", above=0, high=1e3)
     radius: float = number(0.05, unit="m", above=0, high=1e3)
+    length: float = number(0.1, unit="m", above=0, high=1e3)
     mass: float = number(1.0, unit="kg", low=1e-9, high=1e6)
     position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
     orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)

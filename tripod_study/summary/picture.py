@@ -55,10 +55,10 @@ def _parts(simulation: Simulation) -> list[dict[str, Any]]:
 def _obstacles(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
     if not simulation.scene.obstacles:
         return [], ""
-    from tripod_sim.contact.contact_build import obstacle_parts  # noqa: PLC0415 - only where there are obstacles
+    from tripod_sim.contact.contact_build import obstacle_shapes  # noqa: PLC0415 - only where there are obstacles
 
     found, left = list[dict[str, Any]](), MOST_TRIANGLES
-    for part in obstacle_parts(simulation.scene):
+    for part in obstacle_shapes(simulation.scene):
         left -= len(part.triangles)
         if left < 0:
             return found, f"obstacles of more than {MOST_TRIANGLES} triangles are not drawn"

@@ -30,7 +30,7 @@ def _along(
 
 
 @njit(cache=True, error_model="numpy")
-def point_triangle(p: Array, a: Array, b: Array, c: Array) -> tuple[float, float, float, float]:
+def point_triangle_distance(p: Array, a: Array, b: Array, c: Array) -> tuple[float, float, float, float]:
     """Return the weights of `a`, `b`, `c` of the triangle's point closest to `p`, and the squared distance [m²].
 
     The weights are not negative and sum to 1; exact zeros tell that the point lies on an edge or vertex.

@@ -1,0 +1,37 @@
+"""The shapes of rigid bodies and obstacles, each a file of this folder: a further one is a further file.
+
+The file's name is the word for `shape` in `[[rigid]]` and `[[obstacles]]`. It has
+
+    FIELDS                          the fields of the table that it reads, of size, radius, length, source and scale
+    make(table, field, obstacle)    returns the `Shape`; `field` names the table in messages, and an `obstacle` needs no
+                                    inertia and no centre
+
+What detection needs of a shape is its `Part`: points, segments and triangles, and a radius about all of them. So a ball
+is a point with a radius, a capsule a segment with one, a box twelve triangles without. `tests/sim/test_shapes.py`
+tests every shape that is found here.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from tripod_sim.contact.shape import Shape
+from tripod_sim.tables.bodies import SHAPES
+
+if TYPE_CHECKING:
+    from tripod_sim.tables.bodies import Obstacle, Rigid
+
+
+def fields_of(name: str) -> tuple[str, ...]:
+    """Return the fields of a table that the shape `name` reads."""
+    return tuple(import_module(f"{__name__}.{name}").FIELDS)
+
+
+def shape_of(table: "Rigid | Obstacle", field: str, *, obstacle: bool = False) -> Shape:
+    """Return the shape that `table`, named `field` in messages, describes. Raises SceneError."""
+    shape: Shape = import_module(f"{__name__}.{table.shape}").make(table, field, obstacle)
+    return shape
+
+
+def field_reads() -> dict[str, tuple[str, ...]]:
+    """Return the fields that each shape reads, by its name."""
+    return {name: fields_of(name) for name in SHAPES}
