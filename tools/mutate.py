@@ -28,7 +28,7 @@ SYSTEM = (
     "reduction", "system", "elastic_terms", "clamp", "compliance", "platform", "sets", "invariance", "dynamics",
 )  # fmt: skip
 CONTACT = (
-    "contact_distance", "contact_broad_phase", "contact_few", "contact_joint", "contact_balls", "contact_held",
+    "contact_distance", "contact_broad_phase", "condensed_contact", "contact_joint", "contact_balls", "contact_held",
     "contact_rigid", "contact_self", "contact_scene", "contact_schemes", "contact_solid", "contact_statics",
     "contact_rigid_scene", "contact_fuzz",
 )  # fmt: skip
@@ -76,7 +76,7 @@ TESTS = {
     "tripod_sim/contact/broad_kernels.py": CONTACT,
     "tripod_sim/contact/narrow_kernels.py": CONTACT,
     "tripod_sim/contact/region_kernels.py": CONTACT,
-    "tripod_sim/contact/few_kernels.py": CONTACT,
+    "tripod_sim/contact/condensed_contact_kernels.py": CONTACT,
     "tripod_sim/contact/hessian_kernels.py": CONTACT,
     "tripod_sim/contact/response_kernels.py": CONTACT,
     "tripod_sim/contact/hit_kernels.py": CONTACT,

@@ -30,8 +30,8 @@ from tripod_sim.tables.method import Solver
 from tripod_sim.unread import unread
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.contact_solver import ContactSolver
     from tripod_sim.contact.rigid_set import RigidSystem
-    from tripod_sim.contact.world import World
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -478,8 +478,8 @@ class Simulation:
             triangles = self.mesh.surface[: len(self.mesh.surface) - len(rigid.triangles)]
             soft = Part(self.positions[: len(self.mesh.nodes) - rigid.count], triangles)
             beside = [("the soft body", soft)] if len(triangles) else []
-            if led := self._world.led:
-                beside += led.placed()
+            if kinematic := self._world.kinematic:
+                beside += kinematic.placed()
             put_back(rigid, self.state.rigid, number, beside)
             self._stepper.forget()
             return
@@ -715,9 +715,9 @@ class Simulation:
         return f"ball lost: it fell more than {LOST:g} m below everything else" if lost else ""
 
     @property
-    def _world(self) -> "World":
+    def _world(self) -> "ContactSolver":
         """The bodies in contact, of a scene that has it."""
-        found: World = integrator_of(self._stepper).world
+        found: ContactSolver = integrator_of(self._stepper).world
         return found
 
     def energies(self) -> Energies:

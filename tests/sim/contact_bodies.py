@@ -3,10 +3,10 @@
 import numpy as np
 
 from tests.sim.implicit_schemes import scheme_of
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.contact.world import World
 
 G = 9.81
 
@@ -29,13 +29,13 @@ def boxes_on_plate(
     gravity: np.ndarray,
     mass: float = 0.3,
     scheme: str = "implicit_euler",
-) -> World:
+) -> ContactSolver:
     """Cubes of 0.1 m on a plate in z = 0."""
     n = len(centres)
     inertia = np.tile(mass * 0.01 / 6 * np.eye(3), (n, 1, 1))
     bodies = RigidBodies(np.full(n, mass), inertia, np.array(centres), gravity)
     parts = [box([0.1, 0.1, 0.1]) for _ in range(n)]
-    return World(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, parts))
+    return ContactSolver(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, parts))
 
 
 def ball_on(
@@ -46,20 +46,22 @@ def ball_on(
     mass: float = 0.2,
     scheme: str = "implicit_euler",
     gravity: list[float] | None = None,
-) -> World:
+) -> ContactSolver:
     inertia = 0.4 * mass * radius**2 * np.eye(3)[None]
     bodies = RigidBodies(np.array([mass]), inertia, np.array([centre]), np.array(gravity or [0, 0, -G]))
     ball = Part(np.zeros((1, 3)), rigid=True, radius=radius)
-    return World(law, 5 * law.distance, scheme_of(scheme), obstacles=[obstacle], rigid=(bodies, [ball]))
+    return ContactSolver(
+        law, 5 * law.distance, scheme_of(scheme), obstacles=[obstacle], rigid=(bodies, [ball])
+    )
 
 
 def balls(
     law: Law, centres: list[list[float]], radius: float = 0.05, mass: float = 0.2, still: int = 0
-) -> World:
+) -> ContactSolver:
     """Balls without gravity, the last `still` of them fixed; 5 contact distances of alarm."""
     parts = [Part(np.zeros((1, 3)), rigid=True, radius=radius) for _ in centres[still:]]
     obstacles = [Part(np.array([c]), fixed=True, radius=radius) for c in centres[len(centres) - still :]]
     moving = np.array(centres[: len(centres) - still])
     inertia = np.tile(0.4 * mass * radius**2 * np.eye(3), (len(moving), 1, 1))
     bodies = RigidBodies(np.full(len(moving), mass), inertia, moving, np.zeros(3))
-    return World(law, 5 * law.distance, obstacles=obstacles, rigid=(bodies, parts))
+    return ContactSolver(law, 5 * law.distance, obstacles=obstacles, rigid=(bodies, parts))

@@ -9,11 +9,11 @@ from tests.scenes import CUBE, SHARP
 from tests.sim.test_compliance_contact import CALM, GOAL, bare, contact, gap, settle
 from tripod_host.rotations import rotation_matrix
 from tripod_sim import Simulation, load_scene
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.rest import rest_of
 from tripod_sim.contact.rest_bodies import loose
 from tripod_sim.contact.rest_rows import Rest
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.contact.world import World
 from tripod_sim.response import Holding, Response, held_response
 from tripod_sim.system import System
 
@@ -34,7 +34,7 @@ def lying() -> Simulation:
     return simulation
 
 
-Bridge = tuple[Simulation, World, System, Rest]
+Bridge = tuple[Simulation, ContactSolver, System, Rest]
 
 
 @pytest.fixture
@@ -57,11 +57,11 @@ def bridged(lying: Simulation) -> Iterator[Bridge]:
     c.weight[:], c.normal[:] = before
 
 
-def pressing(world: World) -> np.ndarray:
+def pressing(world: ContactSolver) -> np.ndarray:
     return np.flatnonzero(world.contacts.arrays.pressure[: world.contacts.count] > 0)
 
 
-def moved(world: World, simulation: Simulation, shift: FLOATS, turn: FLOATS, disc: FLOATS) -> FLOATS:
+def moved(world: ContactSolver, simulation: Simulation, shift: FLOATS, turn: FLOATS, disc: FLOATS) -> FLOATS:
     """Return the vertices of all contacts after a move of the plank, and a shift `disc` of the disc [m]."""
     x, part = world.positions.copy(), world.surfaces.body
     assert simulation.state.rigid

@@ -5,11 +5,11 @@ import numpy as np
 from tests.checks import random_rotation
 from tests.sim.contact_bodies import G, ball_on, plate
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.detection import LEAST, Detector
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.start import passing
 from tripod_sim.contact.surfaces import Part, join
-from tripod_sim.contact.world import World
 from tripod_sim.distance_kernels import point_triangle_distance, segment_segment
 
 DISTANCE, ALARM = 1e-3, 3e-3
@@ -124,4 +124,4 @@ def test_ball_whose_centre_lies_on_the_plate_is_parted_slowly() -> None:
         highest = max(highest, float(world.rigid.centre[0, 2]))
     assert report.pressed == 1
     np.testing.assert_allclose(world.rigid.centre[0], [0, 0, 0.051], atol=1e-4)
-    assert highest < 0.051 + World.PART_SPEED**2 / (2 * G)
+    assert highest < 0.051 + ContactSolver.PART_SPEED**2 / (2 * G)

@@ -10,10 +10,10 @@ from tests.messages import assert_names
 from tests.sim.contact_bodies import G, ball_on, balls, box, boxes_on_plate, plate
 from tests.sim.implicit_schemes import IMPLICIT, MULTISTEP
 from tests.tiers import sampled
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.impact_kernels import HELD, one_contact
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.contact.world import World
 from tripod_sim.integrators.scheme import euler_stage
 from tripod_study.run import run
 
@@ -25,7 +25,7 @@ ALONG, DOWN, MU = 2.0, 1.721, 0.3
 """Velocity with which bodies hit the plate [m/s], and Coulomb's coefficient."""
 
 
-def thrown(shape: str, law: Law, scheme: str = "implicit_euler") -> World:
+def thrown(shape: str, law: Law, scheme: str = "implicit_euler") -> ContactSolver:
     """Return a ball or cube of 0.1 m, 10 mm above the plate, without gravity."""
     if shape == "ball":
         world = ball_on(
@@ -72,14 +72,16 @@ def kinetic(bodies: RigidBodies) -> float:
     return 0.5 * float(bodies.mass @ (bodies.velocity**2).sum(axis=1) + spins)
 
 
-def box_above(law: Law, edges: np.ndarray, rotation: np.ndarray, gap: float, mass: float = 1.0) -> World:
+def box_above(
+    law: Law, edges: np.ndarray, rotation: np.ndarray, gap: float, mass: float = 1.0
+) -> ContactSolver:
     """Return a box that is turned, the lowest corner `gap` [m] above the contact distance, without gravity."""
     inertia = mass / 12 * np.diag((edges**2).sum() - edges**2)
     part = box(edges)
     height = -(part.vertices @ rotation.T)[:, 2].min() + law.distance + gap
     bodies = RigidBodies(np.array([mass]), inertia[None], np.array([[0.3, 0.1, height]]), np.zeros(3))
     bodies.rotation[0] = rotation
-    return World(law, 5 * law.distance, obstacles=[plate()], rigid=(bodies, [part]))
+    return ContactSolver(law, 5 * law.distance, obstacles=[plate()], rigid=(bodies, [part]))
 
 
 @pytest.mark.parametrize("response", MODES)
@@ -108,7 +110,7 @@ def test_a_corner_that_hits_without_friction_turns_the_box_by_its_whole_inertia(
     assert kinetic(bodies) / before == pytest.approx(2 * after, rel=5e-3)
 
 
-def random_hit(rng: np.random.Generator, response: str) -> tuple[World, str]:
+def random_hit(rng: np.random.Generator, response: str) -> tuple[ContactSolver, str]:
     """Return a ball or a box with edges of a ratio up to 10 that is about to hit the plate, and with what."""
     kind = str(rng.choice(["ball", "corner", "edge", "face"]))
     law = Law(

@@ -8,17 +8,17 @@ import pytest
 from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
 from tests.sim.implicit_schemes import IMPLICIT, scheme_of
 from tests.tiers import sampled
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.contact.world import World
 
 MODES = ["lagrange", "penalty"]
 
 
 def slide(
     response: str, angle: float, friction: float, steps: int = 60, dt: float = 0.01
-) -> tuple[float, World]:
+) -> tuple[float, ContactSolver]:
     """Mean acceleration down an incline, over the second half."""
     gravity = np.array([G * np.sin(angle), 0, -G * np.cos(angle)])
     world = boxes_on_plate(Law(response, friction, tolerance=1e-4), [[0, 0, 0.051]], gravity)
@@ -113,13 +113,13 @@ def test_stack_of_three_rests(response: str) -> None:
     )  # each interface carries what is above
 
 
-def heavy_on_light(law: Law, ratio: float, scheme: str = "implicit_euler") -> World:
+def heavy_on_light(law: Law, ratio: float, scheme: str = "implicit_euler") -> ContactSolver:
     """Return a cube of 1000 kg that lies on one that is lighter by `ratio`, on the plate."""
     masses = np.array([1000.0 / ratio, 1000.0])
     inertia = masses[:, None, None] * 0.01 / 6 * np.eye(3)
     bodies = RigidBodies(masses, inertia, np.array([[0, 0, 0.051], [0, 0, 0.152]]), np.array([0, 0, -G]))
     parts = [box([0.1, 0.1, 0.1]) for _ in masses]
-    return World(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, parts))
+    return ContactSolver(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, parts))
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, speed:
         bodies = RigidBodies(
             np.array([0.3]), 5e-4 * np.eye(3)[None], np.array([[0.05, 0.02, 0.35]]), np.zeros(3)
         )
-        world = World(law, 3e-4, obstacles=[obstacle], rigid=(bodies, [box([0.1, 0.05, 0.02])]))
+        world = ContactSolver(law, 3e-4, obstacles=[obstacle], rigid=(bodies, [box([0.1, 0.05, 0.02])]))
     assert world.rigid
     world.rigid.velocity[0] = [0.03 * speed, 0, -speed]
     if shape == "turned":

@@ -177,7 +177,7 @@ def test_absent_contact_is_not_imported() -> None:
         return set(done.stdout.split())
 
     assert not [m for m in loaded(["contact=off", "obstacles=off"]) if m.startswith("tripod_sim.contact")]
-    assert "tripod_sim.contact.world" in loaded([])
+    assert "tripod_sim.contact.contact_solver" in loaded([])
 
 
 def test_bad_contact_is_named() -> None:

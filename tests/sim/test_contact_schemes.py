@@ -11,12 +11,12 @@ from tests.sim.implicit_schemes import MULTISTEP, ORDERS, scheme_of
 from tests.tiers import sampled
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_build import obstacle_parts
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.spring_nodes import SpringNodes
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.contact.world import World
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.spring_build import spring_body, surface_part
 from tripod_sim.springs.spring_system import SpringSystem
@@ -39,7 +39,9 @@ def top(scheme: str, steps: int) -> tuple[np.ndarray, np.ndarray, float]:
     bodies = RigidBodies(
         np.array([1.0]), 1e-3 * np.diag([1.0, 2.0, 3.0])[None], np.array([[0, 0, 10.0]]), np.array([0, 0, -G])
     )
-    world = World(Law(), 3e-3, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])]))
+    world = ContactSolver(
+        Law(), 3e-3, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])])
+    )
     bodies.velocity[0], bodies.spin[0] = [1.0, 0.0, 5.0], [1.0, 4.0, 1.0]
 
     def momentum() -> np.ndarray:
@@ -73,7 +75,7 @@ def test_a_tumbling_top_in_free_flight_has_the_order_of_the_scheme_and_keeps_its
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_where_free_moves_show_a_hit_the_step_is_solved_once(scheme: str) -> None:
     distance, height, h = 1e-3, 0.1, 0.01
-    world = World(
+    world = ContactSolver(
         Law(distance=distance), 3e-3, scheme_of(scheme), obstacles=[plate()],
         rigid=(RigidBodies(np.ones(1), 1e-3 * np.eye(3)[None], np.array([[0, 0, 0.05 + distance + height]]),
                            np.array([0, 0, -G])), [box([0.1, 0.1, 0.1])]),
@@ -126,7 +128,7 @@ def test_a_block_that_friction_stops_stays_where_it_stops(scheme: str, dt: float
 def test_a_box_that_lands_in_short_steps_does_not_rebound(scheme: str) -> None:
     for share in np.linspace(0.0, 0.9, 7):
         h, height = 2e-4, 2e-3
-        world = World(
+        world = ContactSolver(
             Law(tolerance=1e-4, distance=1e-3), 3e-3, scheme_of(scheme), obstacles=[plate()],
             rigid=(RigidBodies(np.ones(1), 1e-3 * np.eye(3)[None], np.array([[0, 0, 0.051 + height + 3e-5 * share]]),
                                np.array([0, 0, -G])), [box([0.1, 0.1, 0.1])]),
@@ -145,7 +147,9 @@ def test_a_rod_that_tumbles_fast_gains_no_energy(scheme: str) -> None:
     """It turns by 0.2 rad a step, about its length the most: the force of its spin taken as it begins would explode."""
     inertia = 1e-3 * np.diag([1.0, 20.0, 21.0])
     bodies = RigidBodies(np.array([1.0]), inertia[None], np.array([[0, 0, 10.0]]), np.zeros(3))
-    world = World(Law(), 3e-3, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])]))
+    world = ContactSolver(
+        Law(), 3e-3, scheme_of(scheme), obstacles=[plate()], rigid=(bodies, [box([0.1, 0.1, 0.1])])
+    )
     bodies.spin[0] = [20.0, 10.0, 4.0]
 
     def energy() -> float:
@@ -204,7 +208,7 @@ def pressed_mass(scheme: str, steps: int) -> tuple[float, int]:
     )
     part = Part(nodes, np.zeros((0, 3), dtype=np.int64), body.ends)
     soft = SpringNodes(SpringSystem(body, (0.0, 0.0, -G)))
-    world = World(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], nodes=(soft, [part]))
+    world = ContactSolver(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], nodes=(soft, [part]))
     soft.x[:], restarts = nodes, 0
     for _ in range(steps):
         report = world.step(0.3 / steps)
@@ -367,7 +371,7 @@ def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, scheme
     bodies = RigidBodies(
         np.array([0.3]), 1e-4 * np.diag([3.0, 9.0, 11.0])[None], np.array([[0.05, 0.02, 0.35]]), np.zeros(3)
     )
-    world = World(
+    world = ContactSolver(
         law, 3e-4, scheme_of(scheme), obstacles=[Part(thin.vertices, thin.triangles, fixed=True)],
         rigid=(bodies, [box([0.1, 0.05, 0.02])]),
     )  # fmt: skip

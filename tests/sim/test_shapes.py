@@ -11,6 +11,7 @@ from tests.sim.contact_scenes import refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_build import obstacle_parts, obstacle_shapes
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.detection import LEAST, Detector
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
@@ -22,7 +23,6 @@ from tripod_sim.contact.shapes.capsule import capsule
 from tripod_sim.contact.shapes.surface import solid_of
 from tripod_sim.contact.start import within
 from tripod_sim.contact.surfaces import Part, join
-from tripod_sim.contact.world import World
 from tripod_sim.distance_kernels import point_triangle_distance, segment_segment
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
 from tripod_sim.tables.bodies import SHAPES
@@ -43,16 +43,18 @@ def shape(name: str) -> Shape:
     return shape_of(load_scene("stack", [f"rigid=[{table(name)}]"]).rigid[0], "rigid.0")
 
 
-def world_of(shapes: list[Shape], centres: list[list[float]], law: Law, obstacles: list[Part]) -> World:
+def world_of(
+    shapes: list[Shape], centres: list[list[float]], law: Law, obstacles: list[Part]
+) -> ContactSolver:
     """Return bodies of 0.3 kg each, turned at random, without gravity."""
     rng = np.random.default_rng(1)
     inertia = 0.3 * np.array([s.inertia for s in shapes])
     bodies = RigidBodies(np.full(len(shapes), 0.3), inertia, np.array(centres), np.zeros(3))
     bodies.rotation[:] = [random_rotation(rng) for _ in shapes]
-    return World(law, ALARM, obstacles=obstacles, rigid=(bodies, [s.part for s in shapes]))
+    return ContactSolver(law, ALARM, obstacles=obstacles, rigid=(bodies, [s.part for s in shapes]))
 
 
-def parts_of(world: World, shapes: list[Shape]) -> list[Part]:
+def parts_of(world: ContactSolver, shapes: list[Shape]) -> list[Part]:
     """Return the surfaces of the bodies where they are."""
     assert world.rigid
     return [
@@ -234,7 +236,7 @@ def test_a_capsule_rolls_down_an_incline_as_exactly_as_a_ball(angle: float) -> N
         gravity = np.array([G * np.sin(angle), 0.0, -G * np.cos(angle)])
         bodies = RigidBodies(np.array([0.3]), 0.3 * one.inertia[None], np.array([[0, 0, 0.0505]]), gravity)
         bodies.rotation[0] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]  # its axis along y
-        world = World(
+        world = ContactSolver(
             Law(friction=0.8, distance=5e-4), 1.5e-3, obstacles=[plate()], rigid=(bodies, [one.part])
         )
         speeds = []

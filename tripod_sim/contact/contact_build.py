@@ -7,12 +7,12 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.bodies import Nodes
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.shape import Shape
 from tripod_sim.contact.shapes import shape_of
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.contact.world import World
 from tripod_sim.effects.contact import Contact
 from tripod_sim.integrators.schemes import implicit_euler
 from tripod_sim.scene import Scene
@@ -67,7 +67,7 @@ def touching(
     Args:
         scene: What is described.
         contact: Of the scene.
-        soft: The soft bodies as `World` takes them; None for none.
+        soft: The soft bodies as `ContactSolver` takes them; None for none.
         placed: Where they begin, by name, as far as that is known.
         mesh, skin: Of soft bodies, may be None.
 
@@ -81,8 +81,8 @@ def touching(
 
     rigid = rigid_set(scene)
     others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))] + placed
-    if led := _servo_bodies(scene):
-        others += led.placed()
+    if kinematic := _servo_bodies(scene):
+        others += kinematic.placed()
     place_bodies(rigid, others, upward(scene), contact.contact_distance, lifts=contact.start == "lift")
     return *shown_with(rigid, mesh, skin), rigid, contact_stepper(scene, contact, soft, rigid)
 
@@ -110,9 +110,9 @@ def contact_stepper(
         tolerance, max_solves=most,
     )  # fmt: skip
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
-    world = World(
+    world = ContactSolver(
         law, contact.alarm_distance, scene.inertia.implicit if scene.inertia else implicit_euler.SCHEME,
-        obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies, led=_servo_bodies(scene),
+        obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies, kinematic=_servo_bodies(scene),
     )  # fmt: skip
     if scene.inertia:
         return ContactStepper(world)

@@ -111,7 +111,7 @@ class Detector:
             "points": points, "faces": faces, "edges": edges, "balls": balls, "segments": segments, "chains": chains,
         }  # fmt: skip
         self._compare_moving(numbers, shapes, boxes)
-        self._compare_led()
+        self._compare_kinematic()
         used = [q.boxes for q in self._queries] + [q.target for q in self._queries if q.tree in self._trees]
         self._boxes = list({id(b): b for b in used}.values())
 
@@ -160,8 +160,8 @@ class Detector:
                 self._trees.append(tree)
                 self._queries.append(_Query(asked, tree, target, mine, theirs, first, False))
 
-    def _compare_led(self) -> None:
-        """Add the queries of rigid bodies among those that are led, if there are any."""
+    def _compare_kinematic(self) -> None:
+        """Add the queries of rigid bodies among those that are kinematic, if there are any."""
         s = self._surfaces
         rigid = s.rigid[s.body]
         points = s.moving_points[rigid[s.moving_points]]
@@ -169,8 +169,8 @@ class Detector:
         edges = s.moving_edges[rigid[s.edges[s.moving_edges, 0]]]
         segments = np.intersect1d(s.lone_edges, edges)
         for one, two, first in (
-            (points, s.led_triangles, FACES), (s.led_points, faces, FACES), (edges, s.led_edges, EDGES),
-            (s.led_points, segments, SEGMENTS),
+            (points, s.kinematic_triangles, FACES), (s.kinematic_points, faces, FACES),
+            (edges, s.kinematic_edges, EDGES), (s.kinematic_points, segments, SEGMENTS),
         ):  # fmt: skip
             if len(one) and len(two):
                 target = self._around(s.triangles[two] if first == FACES else s.edges[two])

@@ -14,8 +14,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.contact import response_kernels as kernels
 from tripod_sim.contact.bodies import Nodes
+from tripod_sim.contact.condensed_contact import CondensedContact
 from tripod_sim.contact.contact_set import ContactSet
-from tripod_sim.contact.few import FewContacts
 from tripod_sim.contact.problem import StepProblem
 
 
@@ -103,7 +103,7 @@ class Response:
         self._times = self.THOROUGH if bounded else 1
         self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
         few = apart and law.response == "lagrange" and problem.lasting
-        self._few = FewContacts(problem, contacts) if few else None
+        self._condensed = CondensedContact(problem, contacts) if few else None
 
     def warm_up(self) -> None:
         """Compile what is needed only when something touches, so that the first hit is no slower than others."""
@@ -112,8 +112,8 @@ class Response:
         kernels.set_limits(c, 0, 0.0)
         kernels.forces(c, 0, u, 0.0, self._pressure, self._friction)
         self._problem.warm_up()
-        if self._few:
-            self._few.warm_up()
+        if self._condensed:
+            self._condensed.warm_up()
 
     def solve(self, u: FloatArray, *, rough: bool = False) -> Outcome:
         """Move `u` to the end of the step; the contacts hold the forces afterwards. Raises DescentError.
@@ -128,7 +128,7 @@ class Response:
         if law.response == "penalty":
             return self._penalty(u)
         c.arrays.gain[: c.count] = 1.0
-        if self._few and (outcome := self._solve_few(u)):
+        if self._condensed and (outcome := self._solve_condensed(u)):
             return outcome
         self._problem.prepare(u)
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
@@ -157,16 +157,19 @@ class Response:
                 c.arrays.stiffness[: c.count, 0] *= self.STIFFER
                 self._problem.renew()
 
-    def _solve_few(self, u: FloatArray) -> Outcome | None:
+    def _solve_condensed(self, u: FloatArray) -> Outcome | None:
         """Solve by the compliance of the bodies, if it leads to the end, else return None and leave `u`."""
         c, aim = self._contacts, self.law.tolerance * self.law.distance
-        assert self._few
+        assert self._condensed
         start, count = u.copy(), c.count
         pressure, friction = c.arrays.pressure[:count].copy(), c.arrays.friction[:count].copy()
-        error = self._few.solve(u, self.law.friction, aim)
+        error = self._condensed.solve(u, self.law.friction, aim)
         if error <= aim:
             return Outcome(
-                rounds=self._few.rounds, residual=error, smallest=self._few.smallest(u), way="compliance"
+                rounds=self._condensed.rounds,
+                residual=error,
+                smallest=self._condensed.smallest(u),
+                way="compliance",
             )
         self._problem.serves = False
         u[:] = start

@@ -16,11 +16,11 @@ import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.constraints.groups import Kind
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.rest_bodies import Touching, loose
 from tripod_sim.contact.rest_rows import Points, Rest
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.contact.world import World
 from tripod_sim.parts import integrator_of
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -68,7 +68,12 @@ def rest_of(
 
 
 def _rest(
-    world: World, nodes: IndexArray, giving: BoolArray, count: int, touching: Touching, carried: BoolArray
+    world: ContactSolver,
+    nodes: IndexArray,
+    giving: BoolArray,
+    count: int,
+    touching: Touching,
+    carried: BoolArray,
 ) -> Rest | None:
     """Return what presses the solid; None if nothing does.
 
@@ -119,7 +124,7 @@ def _rest(
 
 
 def _to_touch(
-    world: World, vertex: IndexArray, weight: FloatArray, normal: FloatArray, bodies: IndexArray
+    world: ContactSolver, vertex: IndexArray, weight: FloatArray, normal: FloatArray, bodies: IndexArray
 ) -> FloatArray:
     """Return the way from the nearest point of each vertex's side to where that is touched [m], shape (c, 4, 3).
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.rest_rows import Carried
-from tripod_sim.contact.world import World
 from tripod_sim.response import Holding
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
@@ -36,7 +36,7 @@ class Touching:
         radius: Of the ball about a vertex of a rigid body [m], zero for others, shape (c, 4).
     """
 
-    def __init__(self, world: World, count: int, rigid: "RigidSet | None") -> None:
+    def __init__(self, world: ContactSolver, count: int, rigid: "RigidSet | None") -> None:
         """`count`: vertices of the solid, the first ones of `world`; `rigid`: its rigid bodies."""
         c, of = world.contacts.arrays, slice(0, world.contacts.count)
         self.contacts = np.flatnonzero(c.pressure[of] > 0.0)

@@ -10,9 +10,9 @@ sticks to where it was, follows the way.
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.contact.contact_solver import ContactReport, ContactSolver
 from tripod_sim.contact.problem import DescentError
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.contact.world import ContactReport, World
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.state import State
 
@@ -28,7 +28,7 @@ class ContactStatics(ContactStepper):
     of them may fail."""
 
     def __init__(
-        self, world: World, tolerance: float, max_turn: float, reach: float, servos: int = 0
+        self, world: ContactSolver, tolerance: float, max_turn: float, reach: float, servos: int = 0
     ) -> None:
         """Prepare.
 

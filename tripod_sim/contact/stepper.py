@@ -3,21 +3,21 @@
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.contact.contact_solver import ContactReport, ContactSolver
 from tripod_sim.contact.problem import DescentError
-from tripod_sim.contact.world import ContactReport, World
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.state import State
 
 
 class ContactStepper:
-    """Advances the bodies of a scene among its obstacles (see `World`).
+    """Advances the bodies of a scene among its obstacles (see `ContactSolver`).
 
     Attributes:
         world: The bodies, the obstacles and their contacts.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: ContactSolver) -> None:
         self.world = world
 
     def forget(self) -> None:
@@ -76,8 +76,8 @@ class ContactStepper:
             self.world.nodes.load(state, joints, dt)
         if self.world.rigid and state.rigid:
             self.world.rigid.load(state.rigid)
-        if self.world.led:
-            self.world.led.load(state, joints, dt)
+        if self.world.kinematic:
+            self.world.kinematic.load(state, joints, dt)
 
     def _advance(self, dt: float) -> ContactReport:
         """Advance the bodies by `dt` [s]. Raises DescentError."""

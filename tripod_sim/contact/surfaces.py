@@ -24,7 +24,7 @@ class Part:
         rigid: Whether it moves as a whole: then it is touched where it is sharp, as if it were fixed.
         radius: Of the sphere about each point of it [m]; positive for a ball, a vertex, and for a capsule, a segment.
         self_contact: Whether it may touch itself.
-        led: Whether it moves as it is told: rigid bodies alone meet it.
+        kinematic: Whether its motion is prescribed: rigid bodies alone meet it.
     """
 
     vertices: FloatArray
@@ -35,7 +35,7 @@ class Part:
     rigid: bool = False
     radius: float = 0.0
     self_contact: bool = False
-    led: bool = False
+    kinematic: bool = False
 
     @property
     def reach(self) -> float:
@@ -59,10 +59,11 @@ class Surfaces:
         first_edge, edge_list: The edges at vertex v are edge_list[first_edge[v] : first_edge[v + 1]].
         fixed_triangles, fixed_edges, fixed_points: Of parts that never move; of edges and vertices only the sharp ones:
             a flat one, and a hollow one of a closed surface, cannot be touched but where something else is.
-        moving_triangles, moving_edges, moving_points: Of others that are not led; of rigid ones only the sharp edges.
+        moving_triangles, moving_edges, moving_points: Of others that are not kinematic; of rigid ones only the sharp
+            edges.
         lone_edges: Edges of no triangle, those of chains and capsules, shape (r,).
         rigid: Whether each part moves as a whole, freely, shape (parts,).
-        led_triangles, led_edges, led_points: Of led parts; of edges only the sharp ones.
+        kinematic_triangles, kinematic_edges, kinematic_points: Of kinematic parts; of edges only the sharp ones.
     """
 
     body: IndexArray
@@ -83,9 +84,9 @@ class Surfaces:
     moving_points: IndexArray
     lone_edges: IndexArray
     rigid: BoolArray
-    led_triangles: IndexArray
-    led_edges: IndexArray
-    led_points: IndexArray
+    kinematic_triangles: IndexArray
+    kinematic_edges: IndexArray
+    kinematic_points: IndexArray
 
 
 def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
@@ -116,8 +117,8 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
     first_edge = np.searchsorted(np.sort(ends), np.arange(n + 1))
     closed = np.bincount(body[edges[faces[:, 1] < 0, 0]], minlength=len(parts)) == 0
     sharp = _sharp(vertices, triangles, edges, faces, closed[body[edges[:, 0]]])
-    stiff, led = np.array([[p.rigid, p.led] for p in parts]).T
-    still, free = fixed[body], ~(fixed | led)[body]
+    stiff, kinematic = np.array([[p.rigid, p.kinematic] for p in parts]).T
+    still, free = fixed[body], ~(fixed | kinematic)[body]
     pointed = np.bincount(edges[sharp].ravel(), minlength=n) > 0
     radius = np.repeat([p.radius for p in parts], counts).astype(float)
     surfaces = Surfaces(
@@ -126,8 +127,8 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
         np.flatnonzero(still & (pointed | (radius > 0))),
         np.flatnonzero(free[triangles[:, 0]]),
         np.flatnonzero(free[edges[:, 0]] & (sharp | ~stiff[body[edges[:, 0]]])), np.flatnonzero(free),
-        np.flatnonzero(faces[:, 0] < 0), stiff & ~led, np.flatnonzero(led[body[triangles[:, 0]]]),
-        np.flatnonzero(led[body[edges[:, 0]]] & sharp), np.flatnonzero(led[body]),
+        np.flatnonzero(faces[:, 0] < 0), stiff & ~kinematic, np.flatnonzero(kinematic[body[triangles[:, 0]]]),
+        np.flatnonzero(kinematic[body[edges[:, 0]]] & sharp), np.flatnonzero(kinematic[body]),
     )  # fmt: skip
     return surfaces, vertices
 

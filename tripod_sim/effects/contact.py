@@ -123,14 +123,17 @@ EFFECT = Effect(
     modules=("contact",),
     stages={
         "contact.stepper.ContactStepper": {"step": f"{CONTACT}: bookkeeping"},
-        "contact.world.World": {"step": f"{CONTACT}: bookkeeping", "_finish": f"{CONTACT}: end of the step"},
+        "contact.contact_solver.ContactSolver": {
+            "step": f"{CONTACT}: bookkeeping",
+            "_finish": f"{CONTACT}: end of the step",
+        },
         "contact.impact.Impact": {"solve": f"{CONTACT}: impacts"},
         "contact.detection.Detector": {
             "near": f"{CONTACT}: near pairs",
             "met": f"{CONTACT}: continuous detection",
         },
         "contact.response.Response": {"solve": f"{CONTACT}: response"},
-        "contact.few.FewContacts": {"solve": f"{CONTACT}: compliance"},
+        "contact.condensed_contact.CondensedContact": {"solve": f"{CONTACT}: compliance"},
         "contact.problem.StepProblem": {
             "descend": "Newton and line search",
             "_evaluate": f"{CONTACT}: gradient",

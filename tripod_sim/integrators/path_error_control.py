@@ -62,7 +62,7 @@ from tripod_sim.integrators.way_kernels import (
 from tripod_sim.state import State, WayState
 
 if TYPE_CHECKING:
-    from tripod_sim.contact.world import ContactReport, World
+    from tripod_sim.contact.contact_solver import ContactReport, ContactSolver
     from tripod_sim.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
@@ -139,7 +139,7 @@ class PathErrorControl(StepControl):
         self._sums = np.zeros((count, 4))
         self._errors, self._a_end = np.zeros((2, count, 3)), np.zeros((count, 3))
         self._first = self._soft + np.searchsorted(self._body, np.arange(len(corners) + 1))
-        self._world: World | None = getattr(self.integrator, "world", None)
+        self._world: ContactSolver | None = getattr(self.integrator, "world", None)
         if self._world:
             self._row, self._owner = self._world.owners()
         newton = getattr(self.integrator, "newton", None)

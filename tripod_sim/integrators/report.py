@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.contact.world import ContactReport
+    from tripod_sim.contact.contact_solver import ContactReport
     from tripod_sim.integrators.newton import NewtonReport
     from tripod_sim.integrators.time_error import TimeErrorReport
     from tripod_sim.robot.servo import Stall

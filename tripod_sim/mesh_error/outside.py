@@ -26,7 +26,7 @@ from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.sets import NodeSet
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.contact.world import World
+    from tripod_sim.contact.contact_solver import ContactSolver
 
 
 STIFF = 100.0
@@ -102,7 +102,7 @@ class Outside:
             richer.plate.nodes if richer.plate else none,
         )
         self._support: Support | None = None
-        self._world: World | None = None
+        self._world: ContactSolver | None = None
         self.changes = 0
         if scene.obstacles:
             self._world = integrator_of(simulated.stepper).world
@@ -152,7 +152,7 @@ class Outside:
                 place[k] += self._astray[v] - (self._astray[v] @ normal) * normal
         self._support.hold(points, along[points], place)
 
-    def _leaning(self, world: "World") -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _leaning(self, world: "ContactSolver") -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return along what obstacles hold each point of the surface, D, shape (p, 3, 3), and which of them stick."""
         count = len(self._surface)
         along, sticks, self._normal = (

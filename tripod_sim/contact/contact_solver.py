@@ -81,14 +81,14 @@ class ContactReport:
     way: str = ""
 
 
-class World:
+class ContactSolver:
     """Deformable bodies, rigid bodies and fixed obstacles, and the contacts among them.
 
     Attributes:
         nodes: The deformable bodies; None for none.
         soft: How many surfaces these have, the first ones.
         rigid: The rigid bodies; None for none.
-        led: The bodies of servos; None for none.
+        kinematic: The bodies of servos; None for none.
         obstacles: Vertices of what never moves [m], shape (k, 3).
         positions: Of all surface vertices at the start of the step [m].
         contacts: Of the last step.
@@ -120,7 +120,7 @@ class World:
         obstacles: list[Part],
         nodes: tuple[Nodes, list[Part]] | None = None,
         rigid: "tuple[RigidBodies, list[Part]] | None" = None,
-        led: "ServoBodies | None" = None,
+        kinematic: "ServoBodies | None" = None,
     ) -> None:
         """Join the surfaces.
 
@@ -131,21 +131,21 @@ class World:
             obstacles: Fixed bodies.
             nodes: The deformable bodies and their surfaces, in the order of the vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
-            led: The bodies of servos.
+            kinematic: The bodies of servos.
         """
         self.law, self._slow = law, min(0.5 * alarm, alarm - law.distance)
         self.nodes, self.rigid = nodes[0] if nodes else None, rigid[0] if rigid else None
-        self.led, self.soft = led, len(nodes[1]) if nodes else 0
+        self.kinematic, self.soft = kinematic, len(nodes[1]) if nodes else 0
         moving = (nodes[1] if nodes else []) + (rigid[1] if rigid else [])
-        parts = moving + (led.parts if led else []) + obstacles
+        parts = moving + (kinematic.parts if kinematic else []) + obstacles
         self.surfaces, self.positions = join(parts)
         first = np.concatenate([[0], np.cumsum([len(p.vertices) for p in parts])]).astype(np.int64)
         n = int(first[-1])
         base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
         self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
         self._node_range = slice(0, int(first[self.soft]))
-        self._led_range = slice(int(first[len(moving)]), int(first[len(parts) - len(obstacles)]))
-        self.obstacles = self.positions[self._led_range.stop :].copy()
+        self._kinematic_range = slice(int(first[len(moving)]), int(first[len(parts) - len(obstacles)]))
+        self.obstacles = self.positions[self._kinematic_range.stop :].copy()
         if nodes:
             base[self._node_range], width[self._node_range] = nodes[0].base, nodes[0].width
             at = nodes[0].unknowns
@@ -157,16 +157,16 @@ class World:
                 rigid[0].reach.reshape(-1, 6)[k - self.soft, 3:] = part.reach
                 self._arm[own] = part.vertices
             bodies.append(rigid[0])
-        if led:
-            base[self._led_range] = led.base + sum(body.unknowns for body in bodies)
-            bodies.append(led)
+        if kinematic:
+            base[self._kinematic_range] = kinematic.base + sum(body.unknowns for body in bodies)
+            bodies.append(kinematic)
         self._shape_arm, self._end_arm = self._arm.copy(), np.empty_like(self._arm)
         self._first = first[self.soft : self.soft + len(rigid[1]) + 1] if rigid else first[:1]
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
         self._yields = np.repeat(base[:, None] >= 0, 3, axis=1)
         if nodes:
             self._yields[self._node_range] = ~nodes[0].held
-        self._yields[self._led_range] = False
+        self._yields[self._kinematic_range] = False
         self.some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
@@ -237,8 +237,8 @@ class World:
             self.nodes.place(self.positions[self._node_range], self._arm[self._node_range])
         if self.rigid:
             self.rigid.place(self._first, self._shape_arm, self._arm, self.positions)
-        if self.led:
-            self.led.place(self.positions[self._led_range])
+        if self.kinematic:
+            self.kinematic.place(self.positions[self._kinematic_range])
 
     def _ends_of(self, u: FloatArray) -> None:
         """Write where vertices are after the moves `u`."""
@@ -249,8 +249,8 @@ class World:
         if self.rigid:
             own = u[parts[1 if self.nodes else 0]]
             self.rigid.ends(own, self._first, self._shape_arm, self._end_arm, self._ends)
-        if self.led:
-            self.led.ends(u[parts[-1]], self._ends[self._led_range])
+        if self.kinematic:
+            self.kinematic.ends(u[parts[-1]], self._ends[self._kinematic_range])
 
     def forces(self) -> FloatArray:
         """Return what contacts pressed and pulled all surface vertices with in the last step [N], shape (n, 3)."""

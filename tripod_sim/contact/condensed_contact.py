@@ -5,17 +5,17 @@ With the Hessian A of the bodies alone, factored once, a step u of Newton's meth
     u' = u - A^-1 (r - J^T f),
 
 r the bodies' gradient, f what the contacts press and pull with after it. Of the unknowns z that contacts touch this is
-a problem of its own, small and dense, solved to the tolerance each time (`few_kernels`); it needs the rows of A^-1 that
-belong to z, by one back-substitution each, when something new is touched. A may be that of an earlier pose, of a step
-before, too, as long as each step is much shorter than the one before. Where the last two steps of time ended equally
-far from their moves without forces, the next begins there. The end is the same as that of the augmented Lagrangian on
-all unknowns: the forces are in balance, gaps and slips within the tolerance.
+a problem of its own, small and dense, solved to the tolerance each time (`condensed_contact_kernels`). It needs the
+rows of A^-1 that belong to z, by one back-substitution each, when something new is touched. A may be that of an earlier
+pose, of a step before, too, as long as each step is much shorter than the one before. Where the last two steps of time
+ended equally far from their moves without forces, the next begins there. The end is the same as that of the augmented
+Lagrangian on all unknowns: the forces are in balance, gaps and slips within the tolerance.
 """
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.contact import few_kernels as kernels
+from tripod_sim.contact import condensed_contact_kernels as kernels
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.problem import StepProblem
 
@@ -24,7 +24,7 @@ class _NoWayError(Exception):
     """This way does not lead to the end."""
 
 
-class FewContacts:
+class CondensedContact:
     """Solves steps in which contacts touch few unknowns.
 
     Attributes:

@@ -5,7 +5,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
-from tripod_sim.contact import few_kernels
+from tripod_sim.contact import condensed_contact_kernels
 from tripod_sim.contact.contact_set import allocate
 from tripod_sim.contact.stepper import ContactStepper
 
@@ -36,10 +36,10 @@ def test_the_forces_on_what_is_touched_obey_coulomb(seed: int, mu: float) -> Non
             J[k, :, m - 6 : m - 3] = -np.eye(3)
             J[k, :, m - 3 :] = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
     S = np.linalg.inv(N)
-    few_kernels.stiffen(c, count, N.copy())
+    condensed_contact_kernels.stiffen(c, count, N.copy())
     y = rng.standard_normal(m) * 1e-4
     z = y.copy()
-    _, error = few_kernels.settle(c, count, S, y, z, mu, AIM, np.zeros(8), np.zeros((8, 3)))
+    _, error = condensed_contact_kernels.settle(c, count, S, y, z, mu, AIM, np.zeros(8), np.zeros((8, 3)))
     assert error <= AIM
     p, f, n = c.pressure[:count], c.friction[:count], c.normal[:count]
     force = p[:, None] * n + f
@@ -70,10 +70,12 @@ def test_what_sticks_neither_sinks_in_nor_slips() -> None:
     c.normal[0], c.gap[0] = (0.0, 0.0, 1.0), 0.0
     c.base[0, 0], c.lump[0, 0], c.width[0, 0] = 0, 1.0, 3
     N = 1e-3 * np.eye(3)
-    few_kernels.stiffen(c, 1, N.copy())
+    condensed_contact_kernels.stiffen(c, 1, N.copy())
     y = np.array([1e-4, 0.0, -1e-3])
     z = y.copy()
-    _, error = few_kernels.settle(c, 1, np.linalg.inv(N), y, z, 0.5, AIM, np.zeros(1), np.zeros((1, 3)))
+    _, error = condensed_contact_kernels.settle(
+        c, 1, np.linalg.inv(N), y, z, 0.5, AIM, np.zeros(1), np.zeros((1, 3))
+    )
     assert error <= AIM
     np.testing.assert_allclose(z, 0.0, atol=AIM)
     assert c.pressure[0] == pytest.approx(1.0, rel=1e-5)
@@ -101,7 +103,7 @@ def test_the_end_is_that_of_factorisations_with_the_contacts_in_them(
     few, many = Simulation(load_scene(scene, scene_words)), Simulation(load_scene(scene, scene_words))
     stepper = many._stepper
     assert isinstance(stepper, ContactStepper)
-    stepper.world.response._few = None
+    stepper.world.response._condensed = None
     ways, moved = list[str](), few.positions.copy()
     for _ in range(steps):
         ways.append(few.step().contact.way)
