@@ -9,12 +9,21 @@ import pytest
 from tests.test_layers import ROOT, imports, modules, package_of
 
 ROOMS = {
-    "base": ("errors", "copied", "kernel_cache", "array_kernels", "rotation_kernels", "system_kernels"),
+    "base": (
+        "errors",
+        "copied",
+        "kernel_cache",
+        "array_kernels",
+        "distance_kernels",
+        "rotation_kernels",
+        "system_kernels",
+    ),
     "linear": ("linear",),
     "elements": ("elements",),
     "materials": ("materials",),
     "tables": ("tables", "joints", "scene_lines", "scene_short", "timeline", "node_sets"),
     "mesh": ("mesh",),
+    "shapes": ("shapes",),
     "constraints": ("constraints",),
     "forces": ("forces",),
     "robot": ("robot",),
@@ -52,8 +61,6 @@ UPWARD = {
     "mesh -> forces": 1,
     "response -> contact": 1,
     "robot -> effects": 1,
-    "springs -> contact": 4,
-    "springs -> steps": 3,
     "state -> integrators": 1,
     "steps -> contact": 1,
 }

@@ -473,7 +473,7 @@ class Simulation:
         rigid, number = self._parts.rigid, self._rigid_ball
         if rigid and self.state.rigid and number is not None:
             from tripod_sim.contact.rigid_start import put_back  # noqa: PLC0415 - only with contact
-            from tripod_sim.contact.surfaces import Part  # noqa: PLC0415
+            from tripod_sim.mesh.surfaces import Part  # noqa: PLC0415
 
             triangles = self.mesh.surface[: len(self.mesh.surface) - len(rigid.triangles)]
             soft = Part(self.positions[: len(self.mesh.nodes) - rigid.count], triangles)

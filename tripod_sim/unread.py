@@ -66,7 +66,7 @@ def _of_shapes(table: Any) -> Reads | None:
     """Return what the shapes of rigid bodies and obstacles read; None for another table."""
     if not isinstance(table, Rigid | Obstacle):
         return None
-    from tripod_sim.contact.shapes import field_reads  # noqa: PLC0415 - an effect that is absent is not imported
+    from tripod_sim.shapes import field_reads  # noqa: PLC0415 - an effect that is absent is not imported
 
     return Reads("shape", field_reads(), ())
 

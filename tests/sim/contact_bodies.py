@@ -6,7 +6,7 @@ from tests.sim.implicit_schemes import scheme_of
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
 
 G = 9.81
 

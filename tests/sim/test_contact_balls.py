@@ -8,7 +8,7 @@ from tests.sim.contact_bodies import balls
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import LEAST, Detector
 from tripod_sim.contact.response import Law
-from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.mesh.surfaces import Part, join
 
 MODES = ["lagrange", "penalty"]
 

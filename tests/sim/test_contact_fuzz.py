@@ -9,8 +9,8 @@ from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.detection import LEAST, Detector
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.start import passing
-from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.distance_kernels import point_triangle_distance, segment_segment
+from tripod_sim.mesh.surfaces import Part, join
 
 DISTANCE, ALARM = 1e-3, 3e-3
 

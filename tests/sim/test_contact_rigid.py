@@ -11,7 +11,7 @@ from tests.tiers import sampled
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
 
 MODES = ["lagrange", "penalty"]
 

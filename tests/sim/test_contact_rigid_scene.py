@@ -12,11 +12,11 @@ from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import Detector
-from tripod_sim.contact.shapes.ball import ball
-from tripod_sim.contact.shapes.box import box
-from tripod_sim.contact.shapes.surface import solid_of
-from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
+from tripod_sim.mesh.surfaces import Part, join
+from tripod_sim.shapes.ball import ball
+from tripod_sim.shapes.box import box
+from tripod_sim.shapes.surface import solid_of
 from tripod_sim.springs.generate import grid
 from tripod_study.run import run
 

@@ -16,7 +16,7 @@ from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.spring_nodes import SpringNodes
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.spring_build import spring_body, surface_part
 from tripod_sim.springs.spring_system import SpringSystem

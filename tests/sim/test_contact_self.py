@@ -13,9 +13,9 @@ from tripod_sim.contact import start_kernels as kernels
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.start import near_itself
-from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.surfaces import Part, join
 from tripod_sim.mesh.topology import directed_edges
 
 NODES, SIZE, DISTANCE = 7, 0.6, 0.004

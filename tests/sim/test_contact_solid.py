@@ -16,9 +16,9 @@ from tripod_sim.contact.group_kernels import add_residual
 from tripod_sim.contact.solid_build import surfaces
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.contact.surfaces import Part
 from tripod_sim.integrators.scheme import euler_stage
 from tripod_sim.mesh.described import described_mesh
+from tripod_sim.mesh.surfaces import Part
 
 G, WEIGHT = 9.81, 0.032 * 9.81
 

@@ -16,15 +16,14 @@ from tripod_sim.contact.detection import LEAST, Detector
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.rigid_start import overlaps
-from tripod_sim.contact.shape import Shape
-from tripod_sim.contact.shapes import fields_of, shape_of
-from tripod_sim.contact.shapes.ball import ball
-from tripod_sim.contact.shapes.capsule import capsule
-from tripod_sim.contact.shapes.surface import solid_of
 from tripod_sim.contact.start import within
-from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.distance_kernels import point_triangle_distance, segment_segment
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
+from tripod_sim.mesh.surfaces import Part, join
+from tripod_sim.shapes import Shape, fields_of, shape_of
+from tripod_sim.shapes.ball import ball
+from tripod_sim.shapes.capsule import capsule
+from tripod_sim.shapes.surface import solid_of
 from tripod_sim.tables.bodies import SHAPES
 
 G, DISTANCE, ALARM = 9.81, 1e-3, 3e-3

@@ -7,7 +7,7 @@ import pytest
 
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.crossings import Crossings
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.springs.generate import grid
 from tripod_study.plans import drape
 

@@ -28,9 +28,9 @@ from tripod_sim.contact.hit_kernels import hits, meets
 from tripod_sim.contact.impact import Impact, inverse_masses
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
-from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.integrators.scheme import ImplicitScheme, Stage
 from tripod_sim.integrators.schemes import implicit_euler
+from tripod_sim.mesh.surfaces import Part, join
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies

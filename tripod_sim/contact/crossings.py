@@ -4,7 +4,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.contact.start import mark_passing
-from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.mesh.surfaces import Part, join
 
 
 class Crossings:

@@ -12,7 +12,7 @@ from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.narrow_kernels import BALLS, EDGES, FACES, SEGMENTS
 from tripod_sim.contact.region_kernels import Topology
-from tripod_sim.contact.surfaces import Surfaces
+from tripod_sim.mesh.surfaces import Surfaces
 
 LEAST = 0.1
 """Fraction of the contact distance that continuous detection never lets go of."""

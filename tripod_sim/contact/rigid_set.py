@@ -10,9 +10,9 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.contact.shape import Shape
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.rigid_state import RigidState
+from tripod_sim.shapes import Shape
 from tripod_sim.state import State
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from tripod_host.arrays import FloatArray
 from tripod_sim.contact.rigid_set import RigidSet
 from tripod_sim.contact.start import height_that_frees, passing
-from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.rigid_state import RigidState
 
 

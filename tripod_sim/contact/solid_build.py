@@ -11,13 +11,13 @@ from tripod_sim.bodies.soft_build import shown
 from tripod_sim.contact.contact_build import obstacle_parts, touching, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, near_itself, passing
-from tripod_sim.contact.surfaces import Part
 from tripod_sim.effect import Draft
 from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import check_boundary
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene

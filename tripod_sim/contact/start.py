@@ -10,9 +10,9 @@ from tripod_sim.contact import start_kernels as kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import Detector
-from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
+from tripod_sim.mesh.surfaces import Part, join
 
 MOST_LIFTS = 60
 """Doublings of the lift, from the contact distance on."""

@@ -120,7 +120,7 @@ EFFECT = Effect(
     rigid=True,
     rest=False,
     check=check,
-    modules=("contact",),
+    modules=("contact", "shapes"),
     stages={
         "contact.stepper.ContactStepper": {"step": f"{CONTACT}: bookkeeping"},
         "contact.contact_solver.ContactSolver": {

@@ -9,7 +9,7 @@ from tripod_sim.tables.fields import check_unit
 
 def check_source(table: Rigid | Obstacle, field: str) -> None:
     """Raise SceneError if a shape from a file has no file, or another one has. `field` names the table."""
-    from tripod_sim.contact.shapes import fields_of
+    from tripod_sim.shapes import fields_of
 
     if "source" in fields_of(table.shape):
         if "." not in table.source:

@@ -24,9 +24,9 @@ from tripod_sim.steppers import implicit_steps
 from tripod_sim.tables.bodies import Springs
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.contact.surfaces import Part
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.integrators.time_error import ErrorTransport
+    from tripod_sim.mesh.surfaces import Part
     from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.implicit_kernels import Options
 
@@ -74,7 +74,7 @@ def _touching(
 
 def surface_part(body: SpringBody, contact: Contact) -> "Part":
     """Return the surface of a spring body; a chain touches with its springs."""
-    from tripod_sim.contact.surfaces import Part  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.mesh.surfaces import Part  # noqa: PLC0415 - an effect that is absent
 
     segments = np.zeros((0, 2), dtype=np.int64) if len(body.triangles) else body.ends
     return Part(body.nodes, body.triangles, segments, self_contact=contact.self_contact)

@@ -15,7 +15,7 @@ YOUNG, DENSITY = (1e3, 1e12), (10.0, 25e3)
 
 
 SHAPES: Final = tuple(
-    sorted(m.name for m in pkgutil.iter_modules([str(Path(__file__).parents[1] / "contact" / "shapes")]))
+    sorted(m.name for m in pkgutil.iter_modules([str(Path(__file__).parents[1] / "shapes")]))
 )
 """What rigid bodies and obstacles can be: a file each, none of which a scene without contact imports."""
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.contact.shape import Shape
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
+from tripod_sim.shapes import Shape
 from tripod_sim.tables.bodies import Obstacle, Rigid
 
 FIELDS = ("radius", "length")

@@ -11,14 +11,44 @@ is a point with a radius, a capsule a segment with one, a box twelve triangles w
 tests every shape that is found here.
 """
 
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from tripod_sim.contact.shape import Shape
+import numpy as np
+
+from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.tables.bodies import SHAPES
 
 if TYPE_CHECKING:
     from tripod_sim.tables.bodies import Obstacle, Rigid
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A body in its own frame. If it can be a rigid body, its centre of mass is the origin.
+
+    Attributes:
+        part: The surface with which it touches.
+        vertices: Of the surface that shows it [m], shape (k, 3).
+        triangles: Of these vertices, seen from outside counter-clockwise, shape (t, 3).
+        inertia: About the centre, for a mass of 1 kg spread evenly [m²], shape (3, 3); zero if it is only an obstacle.
+        volume: [m³]; zero if it is only an obstacle.
+    """
+
+    part: Part
+    vertices: FloatArray
+    triangles: IndexArray
+    inertia: FloatArray
+    volume: float
+
+    def obstacle(self, position: FloatArray, rotation: FloatArray) -> "Shape":
+        """Return the shape in world, where it never moves: x = position + rotation X."""
+        part = replace(
+            self.part, vertices=self.part.vertices @ rotation.T + position, rigid=False, fixed=True
+        )
+        return Shape(part, self.vertices @ rotation.T + position, self.triangles, np.zeros((3, 3)), 0.0)
 
 
 def fields_of(name: str) -> tuple[str, ...]:

@@ -4,8 +4,8 @@ from itertools import product
 
 import numpy as np
 
-from tripod_sim.contact.shape import Shape
-from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.surfaces import Part
+from tripod_sim.shapes import Shape
 from tripod_sim.tables.bodies import Obstacle, Rigid
 
 FIELDS = ("size",)

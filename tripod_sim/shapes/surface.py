@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tripod_sim.contact.shape import Shape
-from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
+from tripod_sim.mesh.surfaces import Part
+from tripod_sim.shapes import Shape
 from tripod_sim.tables.bodies import Obstacle, Rigid
 
 FIELDS = ("source", "scale")
