@@ -1,6 +1,7 @@
 """`--accuracy`, `--budget` and `--study`, options of the commands that load a scene."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,3 +70,25 @@ def chosen(
     from tripod_study.accuracy.choice import choose  # noqa: PLC0415
 
     return (chooser or choose)(scene, accuracy, overrides, study=study)
+
+
+OWN_STUDIES, MOST = Path("studies"), 50
+"""Where `tripod study` writes by default, and how many of the newest files there are read."""
+
+
+def own_study(scene: str, overrides: Sequence[str], folder: Path = OWN_STUDIES) -> Path | None:
+    """Return the newest study in `folder` that was made of the scene as `overrides` change it.
+
+    None where the study that comes with the scene serves, and where there is none. Raises SceneError: no such scene.
+    """
+    from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    from tripod_study.accuracy.choice import study_of, unseen  # noqa: PLC0415
+
+    made = load_scene(scene, overrides)
+    files = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime, reverse=True)[:MOST]
+    for path in (None, *files):
+        with suppress(SceneError, OSError):  # of another scene, or no study at all
+            if not unseen(scene, study_of(scene, made, path), made):
+                return path
+    return None

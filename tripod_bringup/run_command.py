@@ -60,7 +60,7 @@ def run_scene(
     What users should know of the result comes on standard error, whatever is printed of it.
     """
     with loading("tripod run", shown=not quiet):
-        from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
+        from tripod_bringup.accuracy_option import chosen, own_study, wished  # noqa: PLC0415 - not needed for the help
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
         from tripod_study.run import run  # noqa: PLC0415
 
@@ -74,6 +74,7 @@ def run_scene(
                 overrides = list(choice.overrides)
                 if not (quiet or as_json):
                     print(choice.sentence, file=sys.stderr)
+            study = study or own_study(scene, overrides)
             broken: StepError | None = None
             with (
                 progress_bar(shown=not quiet and sys.stderr.isatty()) as progress,
@@ -93,6 +94,7 @@ def run_scene(
                         progress=progress,
                         say=progress.say if progress else None,
                         noted=_tell_note,
+                        study=study,
                     )
                 except StepError as error:
                     broken = error
@@ -110,6 +112,7 @@ def run_scene(
                 print(json.dumps(plain(result)))
             elif not quiet:
                 again = _again(scene, overrides, duration, servo, slide)
+                result["study"] = str(study) if study else ""
                 print_rows(result_rows(result) if verbose else summary_rows(result, again, view=view))
             return _exit_code(result)
     except OutputError:  # of standard output, which is no file of `written`

@@ -68,11 +68,9 @@ def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
     figures, steps, words = result.get("figures") or {}, result.get("time_error") or {}, []
     measured = figures.get("error", {}).get("measured")
     if measured is not None:
-        words.append(
-            f"about {_digits(100 * measured)} %: measured in the accuracy study of this scene, against a converged "
-            f"solution, for {figures['quantity'].replace('; ', ' and for ')}"
-            + ("; in its motion, not in yours" if own_motion else "")
-        )
+        file = result.get("study") or "the accuracy study of this scene"
+        yours = "; your motion is another one" if own_motion else ""
+        words.append(f"about {_digits(100 * measured)} % of the motion, measured in {file}{yours}")
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))
     elif steps:
@@ -98,7 +96,8 @@ def _next(result: Mapping[str, Any], again: Sequence[str], *, view: bool) -> str
     elif not _is_known(result):
         first = f"measure the error: {shlex.join(['tripod', 'study', *again[2:]])} --quick"
     elif figures.get("finer") and not result.get("accuracy"):
-        first = f"a smaller error: {command} --accuracy {figures['finer']}"
+        own = f" --study {shlex.quote(result['study'])}" if result.get("study") else ""
+        first = f"a smaller error: {command} --accuracy {figures['finer']}{own}"
     else:
         first = f"what a step costs: tripod explain {shlex.quote(again[2])}"
     return "; ".join([first, *([] if view else ["see it move: add --view"]), "all values: add --verbose"])

@@ -32,7 +32,7 @@ class ChainStatus:
 
 def status_line(status: ChainStatus) -> str:
     """Return the line: who controls, real-time factor, step time, IK error, robot state, packets, complaint."""
-    control = "nobody (STOP)" if status.mode == "STOP" else status.mode or "-"
+    control = "nobody" if status.mode == "STOP" else status.mode or "-"
     parts = [f"control {control}"]
     factor = "-" if status.real_time_factor is None else f"{status.real_time_factor:.2f}x"
     step = "-" if status.step_time is None else f"{status.step_time * 1e3:.2f} ms"

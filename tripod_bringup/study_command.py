@@ -43,6 +43,10 @@ class Changes:
         return next((name for name, value in zip(names, values, strict=True) if value is not None), "")
 
 
+ANY_SCENE = "tripod_study.plans.any_scene"
+"""The module of studies that do not come with tripod."""
+
+
 def study_command(
     scene: str,
     *,
@@ -104,8 +108,10 @@ def study_command(
             f"files: {made_of}: {', '.join(path.suffix for path in files)}; points: .jsonl", file=sys.stderr
         )
     lacking = [name for name, found in printed.get("accuracy", {}).items() if not found["front"]]
-    if scene.endswith(".toml") and not changes.first() and not (lacking or as_json or quiet):
-        words = ["tripod", "run", scene, "--accuracy", "5%", "--study", str(out / f"{plans[0].name}.json")]
+    if plans and plans[0].module == ANY_SCENE and not changes.first() and not (lacking or as_json or quiet):
+        words = ["tripod", "run", scene]
+        if scene.endswith(".toml"):
+            words += ["--accuracy", "5%", "--study", str(out / f"{plans[0].name}.json")]
         print(f"next: {shlex.join(words)}", file=sys.stderr)
     for name in lacking:
         reference = printed["accuracy"][name]["reference"] or {"message": "nothing was measured"}

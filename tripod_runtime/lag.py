@@ -54,7 +54,7 @@ def proposal(
     if here and there and here.cpu <= there.cpu:
         return (
             f"study {found.name} has no cheaper setting that runs in real time: close other programs, or choose a "
-            "lower accuracy"
+            "lower accuracy, such as draft"
         )
     replaced = "; ".join(word for word in words if word not in choice.overrides)
     instead = f" instead of {percent(measured(found, here))}" if here else ""

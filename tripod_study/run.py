@@ -47,6 +47,7 @@ def run(
     progress: Callable[[float], None] | None = None,
     say: Callable[[str], None] | None = None,
     noted: Callable[[str], None] | None = None,
+    study: Path | None = None,
 ) -> dict[str, Any]:
     """Simulate a scene and return its summary.
 
@@ -63,6 +64,7 @@ def run(
         progress: Called with the finished fraction after each step.
         say: Called with a line on what is being built, how large it is, and with an empty one before the first step.
         noted: Called with each of the notes as soon as it is known.
+        study: File of an accuracy study of the scene; None: the one that comes with tripod.
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J], time
@@ -138,7 +140,7 @@ def run(
         kept()
         stop.no_more(kept)
     books.add(simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time)
-    rest, accuracy = not description.inertia, accuracy_summary(scene, description)
+    rest, accuracy = not description.inertia, accuracy_summary(scene, description, own=study)
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )

@@ -83,15 +83,21 @@ def short(*words: str, **more: Any) -> dict[str, str]:
 def test_the_measured_error_is_told_with_its_meaning_and_what_makes_it_smaller() -> None:
     found = short()
     assert_names(found["result"], "41.3 mm", "still moving")
-    assert_names(found["error"], "1.3 %", "converged solution", "measured", "the free corner")
+    assert_names(found["error"], "1.3 %", "of the motion", "measured", "study of this scene")
     assert not names(found["error"], 3, "%"), "no bound beside a measured value"
     assert_names(found["cost"], "25 ms", "2.5 s")
     assert_names(found["next"], "tripod run cloth --accuracy 1%")
 
 
 def test_of_a_motion_of_ones_own_the_study_knows_nothing() -> None:
-    assert_names(short("--servo", "0:0,0,0")["error"], "1.3 %", "not in yours")
-    assert not names(short()["error"], "not in yours")
+    assert_names(short("--servo", "0:0,0,0")["error"], "1.3 %", "another")
+    assert not names(short()["error"], "another")
+
+
+def test_a_study_of_ones_own_is_named_and_used_again() -> None:
+    found = short(study="studies/cloth.json")
+    assert_names(found["error"], "1.3 %", "studies/cloth.json")
+    assert_names(found["next"], "--accuracy 1% --study studies/cloth.json")
 
 
 def test_an_error_that_nobody_measured_is_said_to_be_unknown_with_the_command_that_measures_it() -> None:

@@ -88,12 +88,13 @@ def test_run_passes_its_options_on(fake_run: FakeRun, tmp_path: Path) -> None:
         "progress": None,
         "say": None,
         "noted": _tell_note,
+        "study": None,
     }
 
 
 def test_run_without_options_leaves_all_to_the_scene(fake_run: FakeRun) -> None:
     tripod("run", "silicone")
-    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "recorded", "progress", "say"))
+    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "recorded", "progress", "say", "study"))
     assert fake_run.given == {**nothing, "overrides": [], "noted": _tell_note}
 
 

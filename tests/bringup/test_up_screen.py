@@ -47,7 +47,7 @@ def test_the_status_line_tells_mode_speed_error_state_and_packets() -> None:
     status = ChainStatus("IK", "RUNNING", 0.998, 0.62e-3, "TRACKING", 0.05e-3, "ACTIVE", 1234, "ik: slow")
     mode, sim, ik, robot, note = status_line(status).split(" | ")
     assert_names(mode, "control IK")
-    assert status_line(ChainStatus("STOP")).startswith("control nobody (STOP) |")
+    assert status_line(ChainStatus("STOP")).startswith("control nobody |")
     assert_names(sim, "sim running", "1.00x", "step 0.62 ms")
     assert_names(ik, "ik tracking", "0.05 mm")
     assert_names(robot, "robot active", "1234 packets")

@@ -1,6 +1,7 @@
 """What accuracy a scene has and what others cost, by the study that is stored of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from tripod_sim.errors import SceneError
@@ -16,7 +17,7 @@ from tripod_study.accuracy.choice import (
     promised,
     quantities,
     settings_text,
-    shipped,
+    study_of,
     unseen,
 )
 from tripod_study.accuracy.stored import StoredStudy
@@ -85,16 +86,19 @@ class AccuracyFigures:
     scaled: bool = False
 
 
-def accuracy_summary(source: str, scene: Scene, speed: float | None = None) -> AccuracyFigures:
+def accuracy_summary(
+    source: str, scene: Scene, speed: float | None = None, own: Path | None = None
+) -> AccuracyFigures:
     """Return what is known of the accuracy of a scene.
 
     Args:
         source: Its name or the path of its file; studies are stored of shipped scenes.
         scene: As it is simulated.
         speed: CPU time of the product that studies are calibrated with, on this machine [s]; None if it is not known.
+        own: File of a study; None: the one that comes with tripod.
     """
     try:
-        study = shipped(scene, source)
+        study = study_of(source, scene, own)
     except SceneError as error:
         return AccuracyFigures(line=f"not known: {error}")
     scale = speed / study.calibration if speed and study.calibration else None
