@@ -10,7 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -160,9 +160,7 @@ def soft_block(name: str, element: str, scheme: str) -> Subject:
     held = np.flatnonzero(mesh.nodes[:, 0] < 1e-9)
     if "rotated" in name:
         c, s = np.cos(np.pi / 18), np.sin(np.pi / 18)
-        mesh = type(mesh)(
-            mesh.nodes @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]).T, mesh.elements, mesh.kind
-        )
+        mesh = replace(mesh, nodes=mesh.nodes @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]).T)
     body: Block = block(
         mesh, young=young, poisson=0.2, mass=mass, held=held, dt=0.05, scheme=scheme, damping=(4.0, 0.005)
     )
