@@ -451,9 +451,12 @@ class ViewNode(Node):
             self.destroy_subscription(self._streams.pop())
         if self._control.in_control:
             self.get_logger().warning(
-                "the last browser was closed while the page was in control: the mode is now STOP"
+                "the last browser was closed or does not answer, while the page was in control: the mode is now STOP"
             )
             self._decide(Mode.STOP)
+            self._control.notice = (
+                "The connection of this page was lost, so the robot was stopped. Working pose moves it again."
+            )
 
     # What goes out.
 

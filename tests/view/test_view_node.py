@@ -323,6 +323,8 @@ def test_when_the_last_browser_leaves_in_control_the_robot_stops(stage: Stage) -
         first.wait(lambda: first.pictures() > drawn + 15)
         assert len(stage.sim.modes) == count  # one is still there
     stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
+    with stage.browser() as again:  # who comes back reads why
+        again.wait(lambda: lines_naming(again.text(), "connection", "Working pose"))
 
 
 def test_when_the_browser_in_control_is_silent_the_robot_stops(stage: Stage) -> None:
