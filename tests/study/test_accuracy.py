@@ -511,7 +511,7 @@ def test_run_takes_the_setting_and_says_so(study: Path) -> None:
     assert done.exit_code == 0, done.stderr
     line_naming(done.stderr, "accuracy 5%", "dt=0.002", "inertia.scheme=bdf2")
     line_naming(done.stdout, "10 steps", "2 ms")
-    line_naming(done.stdout, "accuracy study", "%")
+    line_naming(done.stdout, "about", "%", "pendulum.json")
     done = CliRunner().invoke(app, [*words, "--set", "dt=0.004", "--json"])
     result = json.loads(done.stdout)
     assert result["dt"] == 0.004
