@@ -108,7 +108,7 @@ class AddedErrorControl(StepControl):
         return SPARE * self._tolerance if self._euler else self._tolerance
 
     def prepare(self, state: State) -> None:
-        """Start afresh for a step of implicit Euler; say how exactly to solve."""
+        """Drop the history before a step of implicit Euler; set how exactly the substep is solved."""
         if self._euler:
             self._steps.drop_history()
         self._newton.allow(self._limit, self._h)

@@ -196,7 +196,7 @@ class PathErrorControl(StepControl):
         return Substep(end, self._h, self._h / dt)
 
     def prepare(self, state: State) -> None:
-        """Let the ball weigh on the plate, and say how exactly to solve."""
+        """Apply the load of the ball, and set how exactly the substep is solved."""
         if self._ball and state.ball:
             self._ball.load(state, state.ball)
         if self._newton and state.way:

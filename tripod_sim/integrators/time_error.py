@@ -257,7 +257,7 @@ class ErrorTransport:
         return self._alone[0]
 
     def keep_residual(self, stage: int) -> None:
-        """Remember the force that the solver has left over in stage number `stage`, as long as it is at hand."""
+        """Keep the residual force of stage number `stage` while it is available."""
         if self.carried and self._coordinates.corrects:
             if stage == len(self._left):
                 self._left.append(np.zeros_like(self._none))
