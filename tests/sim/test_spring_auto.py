@@ -8,7 +8,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.integrators.stability import longest_step
+from tripod_sim.integrators.schemes import semi_implicit_euler
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.automatic import AutomaticSprings
 from tripod_study.explain.loops import kernel_stages
@@ -123,7 +123,7 @@ def test_the_limit_of_verlet_is_where_a_mode_begins_to_grow(rate: float) -> None
         v = np.array([0.0, 1.0, h / 2]) + h / 2 * a
         return float(np.abs(np.linalg.eigvals(np.array([x, v, a]))).max())
 
-    limit = longest_step("semi_implicit_euler", 1.0, 2 * rate)
+    limit = semi_implicit_euler.SCHEME.longest_step(1.0, 2 * rate)
     assert limit == pytest.approx(2 / (np.sqrt(rate**2 + 1) + rate))
     assert radius(0.999 * limit) <= 1 + 1e-9
     assert radius(1.001 * limit) > 1 + 1e-5
@@ -211,6 +211,6 @@ def test_absent_it_is_not_imported() -> None:
         "s = Simulation(load_scene('pendulum', ['inertia.scheme=rk4'])); s.step();"
         "assert not {m for m in sys.modules if m.startswith('tripod_sim.springs.automatic')};"
         "s = Simulation(load_scene('pendulum', ['dt=auto'])); s.step();"
-        "assert 'tripod_sim.integrators.schemes' not in sys.modules"
+        "assert 'tripod_sim.integrators.stage' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
