@@ -11,6 +11,7 @@ from tests.tiers import sampled
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
+from tripod_sim.integrators.scheme import euler_stage
 from tripod_sim.mesh.surfaces import Part
 
 MODES = ["lagrange", "penalty"]
@@ -183,3 +184,21 @@ def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, speed:
         )
         assert lowest > 5e-5
     assert lowest < 0.35  # it came down, or went up again
+
+
+@pytest.mark.parametrize("speed", [1.0, 300.0, 2000.0])
+def test_a_body_that_turns_many_radians_in_a_step_keeps_its_angular_momentum(speed: float) -> None:
+    """Also where the equation of its turn is not solved."""
+    bodies = RigidBodies(np.array([0.3]), np.diag([1e-3, 2e-3, 2.5e-3])[None], np.zeros((1, 3)), np.zeros(3))
+    bodies.spin[0] = speed * np.array([0.3, 0.8, 0.2])
+
+    def momentum() -> np.ndarray:
+        turn = bodies.rotation[0]
+        return np.asarray(turn @ bodies.inertia[0] @ turn.T @ bodies.spin[0])
+
+    start, u = momentum(), np.zeros(6)
+    for _ in range(50):
+        bodies.begin(euler_stage(0.01))
+        bodies.guess(u)
+        bodies.finish(u)
+    np.testing.assert_allclose(momentum(), start, rtol=0, atol=1e-9 * np.linalg.norm(start))

@@ -50,6 +50,7 @@ def turn_freely(
     for k in range(len(rotation)):
         for i in range(3):
             turn[k, i] = way[k, i] + s * spin[k, i]
+        found = False
         for _ in range(most):
             turned(turn[k], rotation[k], there[k])
             carried(there[k], inverse[k], angular[k], w)
@@ -59,7 +60,10 @@ def turn_freely(
                 change, largest = max(change, abs(new - turn[k, i])), max(largest, abs(new))
                 turn[k, i] = new
             if change <= same * largest:  # at once where all axes are alike
+                found = True
                 break
+        if not found:  # many radians in a step: R where the body ends, so that L stays
+            turned(turn[k], rotation[k], there[k])
 
 
 @njit(cache=True, error_model="numpy")
