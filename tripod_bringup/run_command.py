@@ -74,7 +74,7 @@ def run_scene(
                 overrides = list(choice.overrides)
                 if not (quiet or as_json):
                     print(choice.sentence, file=sys.stderr)
-            study = study or own_study(scene, overrides)
+            source = study or own_study(scene, overrides)
             broken: StepError | None = None
             with (
                 progress_bar(shown=not quiet and sys.stderr.isatty()) as progress,
@@ -94,7 +94,7 @@ def run_scene(
                         progress=progress,
                         say=progress.say if progress else None,
                         noted=_tell_note,
-                        study=study,
+                        study=source,
                     )
                 except StepError as error:
                     broken = error
@@ -112,7 +112,7 @@ def run_scene(
                 print(json.dumps(plain(result)))
             elif not quiet:
                 again = _again(scene, overrides, duration, servo, slide)
-                result["study"] = str(study) if study else ""
+                result["study"] = str(source) if source else ""
                 print_rows(result_rows(result) if verbose else summary_rows(result, again, view=view))
             return _exit_code(result)
     except OutputError:  # of standard output, which is no file of `written`
