@@ -14,7 +14,6 @@ from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.impact_kernels import HELD, one_contact
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.integrators.scheme import euler_stage
 from tripod_study.run import run
 
 MODES = ["lagrange", "penalty"]
@@ -141,17 +140,6 @@ def random_hit(rng: np.random.Generator, response: str) -> tuple[ContactSolver, 
     return world, kind
 
 
-def flight_error(bodies: RigidBodies, dt: float) -> float:
-    """Return by how much a step of the free body changes its kinetic energy [J]: the error of tumbling."""
-    free = RigidBodies(bodies.mass, bodies.inertia, bodies.centre, np.zeros(3))
-    free.rotation, free.velocity[:], free.spin[:] = bodies.rotation.copy(), bodies.velocity, bodies.spin
-    u = np.zeros(6)
-    free.begin(euler_stage(dt))
-    free.guess(u)
-    free.finish(u)
-    return abs(kinetic(free) - kinetic(bodies))
-
-
 @pytest.mark.parametrize(
     ("response", "dt", "number"),
     sampled(
@@ -160,10 +148,10 @@ def flight_error(bodies: RigidBodies, dt: float) -> float:
     ),
 )
 def test_no_hit_gives_energy(response: str, dt: float, number: int) -> None:
-    """Neither slow nor fast, sticking nor sliding, on corners, edges and faces.
+    """Neither slow nor fast, sticking nor sliding, on corners, edges and faces, however far a step turns the body.
 
-    As long as a step turns the body by less than half a radian. Speeds err by the error of the moves, `tolerance` times
-    the contact distance, over the step; springs may push out as slowly what has sunk in.
+    Speeds err by the error of the moves, `tolerance` times the contact distance, over the step; springs may push out as
+    slowly what has sunk in.
     """
     rng = np.random.default_rng(20261128)
     seen, hits, stopped = set(), 0, 0
@@ -172,12 +160,10 @@ def test_no_hit_gives_energy(response: str, dt: float, number: int) -> None:
         assert world.rigid
         noise = 4 * world.law.tolerance * world.law.distance / dt
         for _ in range(12):
-            if np.linalg.norm(world.rigid.spin) * dt > 0.5:
-                break
-            before, error = kinetic(world.rigid), flight_error(world.rigid, dt)
+            before = kinetic(world.rigid)
             report = world.step(dt)
             slack = np.sqrt(2 * before * world.rigid.mass[0]) * noise
-            assert kinetic(world.rigid) <= before * (1 + 1e-9) + error + slack
+            assert kinetic(world.rigid) <= before * (1 + 1e-9) + slack
             hits += report.pressed > 0
             stopped += report.pressed > 0 and world.law.friction > 0
         seen.add(kind)

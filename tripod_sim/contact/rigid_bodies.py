@@ -31,9 +31,6 @@ class RigidBodies(Body):
         given, reach, looked_back: See `Body`.
     """
 
-    MOST_TURNS, SAME = 20, 1e-12
-    """Iterations for t, and its change, as a share, at which they end."""
-
     def __init__(
         self, mass: FloatArray, inertia: FloatArray, centre: FloatArray, gravity: FloatArray
     ) -> None:
@@ -105,9 +102,7 @@ class RigidBodies(Body):
         self._history.known(now, stage, self._known)
         self._aim[:, :3] = way[:, :3] + s * self._known[:, :3] + stage.square * self._gravity
         L, turn, there = self._known[:, 3:], self._aim[:, 3:], np.empty_like(self.rotation)
-        kernels.turn_freely(
-            way[:, 3:], s, self.spin, L, self._inverse, self.rotation, self.MOST_TURNS, self.SAME, turn, there
-        )
+        kernels.turn_freely(way[:, 3:], s, self.spin, L, self._inverse, self.rotation, turn, there)
         kernels.carry(self._inverse, there, L, self._untouched)
         kernels.tensors_in_world(self.inertia, self.rotation if stage.begins else there, self._world)
 

@@ -1,10 +1,17 @@
 """Loops over rigid bodies in contact: where a stage brings them, its gradient, their vertices."""
 
+from math import atan2, pi, sqrt
+
 import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.rotation_kernels import carried, turned
+from tripod_sim.rotation_kernels import carried, cross, rotation_rate, turned
+from tripod_sim.rotation_kernels import turn as turn_quaternion
+
+MOST_ROUNDS, MOST_PARTS, SAME = 20, 4096, 1e-13
+"""Of Newton's method for a turn, and parts of it, at most; error of the turn at which it is found, as a share of the
+largest that the angular momentum could give."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -29,10 +36,13 @@ def tensors_in_world(tensors: Array, rotation: Array, out: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def turn_freely(
-    way: Array, s: float, spin: Array, angular: Array, inverse: Array, rotation: Array, most: int, same: float,
-    turn: Array, there: Array,
+    way: Array, s: float, spin: Array, angular: Array, inverse: Array, rotation: Array, turn: Array, there: Array
 ) -> None:  # fmt: skip
     """Write t = w + s R I^-1 R^T L with R = exp([t]x) R_0 of each body to `turn`, and R to `there`.
+
+    With w = 0 a body keeps L and gains no energy, however long s is: the spin v = R I^-1 R^T L turns about itself, so
+    that V = R^T v and its value V_0 before obey V . I V = V . I V_0. Where Newton's method does not find t, w and parts
+    of s are taken one after the other.
 
     Args:
         way: w [rad], shape (b, 3).
@@ -41,29 +51,91 @@ def turn_freely(
         angular: L [kg m²/s], shape (b, 3).
         inverse: I^-1 in the bodies' frames, shape (b, 3, 3).
         rotation: R_0, shape (b, 3, 3).
-        most: Iterations.
-        same: Change of t, as a share of it, at which they end.
         turn: Shape (b, 3).
         there: Shape (b, 3, 3).
     """
-    w = np.empty(3)
     for k in range(len(rotation)):
+        of = angular[k], inverse[k], rotation[k]
         for i in range(3):
             turn[k, i] = way[k, i] + s * spin[k, i]
-        found = False
-        for _ in range(most):
-            turned(turn[k], rotation[k], there[k])
-            carried(there[k], inverse[k], angular[k], w)
-            change = largest = 0.0
+        parts, found = 1, find_turn(way[k], s, *of, turn[k], there[k])
+        while not found and parts < MOST_PARTS:
+            parts *= 2
+            found = turn_in_parts(way[k], s, parts, *of, turn[k], there[k])
+
+
+@njit(cache=True, error_model="numpy")
+def find_turn(
+    way: Array, s: float, angular: Array, inverse: Array, rotation: Array, t: Array, there: Array
+) -> bool:
+    """Improve t of one body as in `turn_freely` by Newton's method; write R; return whether t is found.
+
+    A turn by p from R changes t by J^-1 p, J the derivative of exp([t]x), and v by p x v - R I^-1 R^T (p x L).
+    """
+    v, change, by, unit, p, off = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    M, before = np.empty((3, 3)), np.inf  # a row for each p of length 1
+    noise = SAME * s * sqrt((angular**2).sum() * (inverse**2).sum())
+    for _ in range(MOST_ROUNDS):
+        turned(t, rotation, there)
+        carried(there, inverse, angular, v)
+        size = 0.0
+        for i in range(3):
+            off[i] = way[i] + s * v[i] - t[i]
+            size = max(size, abs(off[i]))
+        if size <= noise:
+            return True
+        if not size < before:
+            return False
+        before = size
+        for j in range(3):
+            unit[:] = 0.0
+            unit[j] = 1.0
+            rotation_rate(t, unit, M[j])
+            cross(unit, angular, by)
+            carried(there, inverse, by, change)
+            cross(unit, v, by)
             for i in range(3):
-                new = way[k, i] + s * w[i]
-                change, largest = max(change, abs(new - turn[k, i])), max(largest, abs(new))
-                turn[k, i] = new
-            if change <= same * largest:  # at once where all axes are alike
-                found = True
-                break
-        if not found:  # many radians in a step: R where the body ends, so that L stays
-            turned(turn[k], rotation[k], there[k])
+                M[j, i] -= s * (by[i] - change[i])
+        for j in range(3):  # by Cramer's rule
+            cross(M[(j + 1) % 3], M[(j + 2) % 3], by)
+            det = M[j, 0] * by[0] + M[j, 1] * by[1] + M[j, 2] * by[2]
+            if det == 0.0:
+                return False
+            p[j] = (off[0] * by[0] + off[1] * by[1] + off[2] * by[2]) / det
+        rotation_rate(t, p, change)
+        for i in range(3):
+            t[i] += change[i]
+    turned(t, rotation, there)
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def turn_in_parts(
+    way: Array, s: float, parts: int, angular: Array, inverse: Array, rotation: Array, t: Array, there: Array
+) -> bool:
+    """Write t and R of one body after the turn by w and `parts` of s; return whether each was found."""
+    at, total, none, of = np.empty((3, 3)), way.copy(), np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
+    found = True
+    turned(way, rotation, there)
+    turn_quaternion(of, way, 1.0)
+    for _ in range(parts):
+        at[:] = there
+        carried(at, inverse, angular, t)
+        for i in range(3):
+            t[i] *= s / parts
+        found = found and find_turn(none, s / parts, angular, inverse, at, t, there)
+        turn_quaternion(of, t, 1.0)
+        for i in range(3):
+            total[i] += t[i]
+    half = sqrt(of[0] ** 2 + of[1] ** 2 + of[2] ** 2)
+    angle, along = 2 * atan2(half, of[3]), 0.0
+    for i in range(3):
+        t[i] = of[i] / half if half else 0.0
+        along += total[i] * t[i]
+    angle += 2 * pi * round((along - angle) / (2 * pi))  # of all t to this R the one nearest to the sum
+    for i in range(3):
+        t[i] *= angle
+    return found
 
 
 @njit(cache=True, error_model="numpy")
