@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.rotation_kernels import carried, cross, rotation_rate, turned
 from tripod_sim.rotation_kernels import turn as turn_quaternion
 
@@ -119,7 +120,7 @@ def turn_in_parts(
     turned(way, rotation, there)
     turn_quaternion(of, way, 1.0)
     for _ in range(parts):
-        at[:] = there
+        put(at, there)
         carried(at, inverse, angular, t)
         for i in range(3):
             t[i] *= s / parts
