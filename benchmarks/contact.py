@@ -15,9 +15,6 @@ from calibration import calibration
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.broad_phase import Boxes, Tree
-from tripod_sim.contact.contact_build import obstacle_parts
-from tripod_sim.contact.crossings import Crossings
-from tripod_sim.springs.spring_build import spring_body, surface_part
 from tripod_study.plans import drape
 
 BALL = [
@@ -118,9 +115,7 @@ def shipped() -> None:
         assert scene.springs
         assert scene.contact
         simulation = Simulation(scene)
-        watch = Crossings(
-            surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene)
-        )
+        watch = drape.crossings_of(scene)
         sunk, cut, moving, tunnelled = 0.0, 0.0, 0.0, False
         for _ in range(round(scene.duration / scene.dt)):
             report = simulation.step().contact

@@ -22,7 +22,7 @@ from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.robot.arms import servo_arms
 from tripod_sim.robot.disc import effector_disc
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_build import spring_body
+from tripod_sim.springs.net import spring_net
 from tripod_sim.tables.robot import Effector, Servos
 
 LENGTH, SIDE = 0.1, 0.02
@@ -153,7 +153,7 @@ def cloth() -> SpringBody:
     """Return the body of the suite's scene `cloth`."""
     scene = load_scene("cloth")
     assert scene.springs
-    return spring_body(scene, scene.springs)
+    return spring_net(scene.springs)
 
 
 def cloth_read(positions: FloatArray) -> FloatArray:

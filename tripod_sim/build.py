@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,23 +22,20 @@ from tripod_sim.constraints.held import free_motion, held_groups
 from tripod_sim.effect import Draft, Effect
 from tripod_sim.effects import EFFECTS, has, table_of
 from tripod_sim.errors import Doubt, SceneError
-from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.described import described_mesh
-from tripod_sim.mesh.solid_mesh import SolidMesh, check_held
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, names_of
+from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.proportions import out_of_proportion
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import FIRST, rigids_of, soft_bodies, springs_alone
+from tripod_sim.scene_short import only_springs, rigids_of, soft_bodies
 from tripod_sim.solved_to import solved_to
 from tripod_sim.steppers import stepper_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.fields import unusual
-
-if TYPE_CHECKING:
-    from tripod_sim.springs.spring_system import SpringSystem
 
 Progress = Callable[[float], None]
 Say = Callable[[str], None]
@@ -73,14 +70,6 @@ def _effects(scene: Scene) -> Iterator[tuple[Effect, Any]]:
 
 def _built(scene: Scene, progress: Progress | None = None, say: Say | None = None) -> Parts:
     """Return the parts of a simulation whose body is solved for in every step."""
-    if scene.springs and springs_alone(scene):  # a loop of its own, faster than that of any terms
-        from tripod_sim.springs.spring_build import build_springs
-
-        parts = build_springs(scene, scene.springs)
-        system: Any = parts.system
-        return _watched(
-            scene, NodeSets(scene.set, system.rest, {}, {FIRST: np.arange(len(system.rest))}), system, parts
-        )
     if rigids_of(scene) and not soft_bodies(scene):
         from tripod_sim.contact.rigid_build import build_rigid
 
@@ -136,7 +125,7 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
             draft.rest, elastic_terms(assembly, draft.sets, draft.rest, held, draft.damping), held,
             [*draft.terms, *([draft.inertia] if draft.inertia else [])], damped=bool(scene.inertia and draft.inertia),
             joined=spring_sides(assembly) if has(scene, "contact") else (),
-            linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
+            linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance, springs=only_springs(scene)),
         )  # fmt: skip
 
     elements = sum(body.solid.count for body in assembly.bodies if body.solid)
@@ -166,7 +155,7 @@ def _stepped(draft: Draft, system: System) -> Parts:
     """Return the parts of a simulation of bodies that touch nothing."""
     mesh, skin, _ = shown(draft.assembly)
     stepper = stepper_of(draft, system)
-    errors = stepper.errors if isinstance(stepper, Substeps) else None
+    errors = getattr(stepper, "errors", None)  # of schemes that carry them along
     return Parts(mesh, draft.inert, system, stepper, skin=skin, errors=errors)
 
 
@@ -178,13 +167,21 @@ def _check_held(assembly: Assembly, groups: Groups, when: str) -> None:
         source = f"mesh.source {first.table.mesh.source!r}" if first.table.mesh else source
         check_held(first.solid, groups.rigid, np.flatnonzero(held.any(axis=1)), source)
     blocks = [block for body in assembly.bodies for block in body.blocks]
-    if free := free_motion([*blocks, *groups.rigid], assembly.nodes, held):
+    if all(body.net for body in assembly.bodies):  # weight holds what can turn about what is fixed
+        label = connected_parts(blocks, groups.size)
+        loose = np.setdiff1d(label, label[held.any(axis=1)])
+        if loose.size:
+            raise SceneError(
+                f"springs: nothing holds the part with nodes {names_of(np.flatnonzero(label == loose[0]))}, "
+                "so it can move as a whole and has no static equilibrium; add [inertia], or fix a node of it"
+            )
+    elif free := free_motion([*blocks, *groups.rigid], assembly.nodes, held):
         raise SceneError(
             f"{source}: {free}; {when} that motion must be held too: add [[fixed]] there, or [inertia]"
         )
 
 
-def _watched(scene: Scene, sets: NodeSets, system: "System | SpringSystem", parts: Parts) -> Parts:
+def _watched(scene: Scene, sets: NodeSets, system: System, parts: Parts) -> Parts:
     """Return parts with the velocities of nodes at the start, and the nodes of each marker."""
     velocities = None
     for effect, table in _effects(scene):

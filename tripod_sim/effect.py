@@ -121,7 +121,6 @@ class Effect:
         table: Its dataclass; the first sentence of the docstring says what it is.
         rank: Place among the others, in lists and in each phase.
         several: Whether a scene may have several of the tables.
-        springs: Whether the compiled loops of springs that are alone know it.
         rigid: Whether rigid bodies that are alone may have it.
         rest: Whether a body at rest has it, on its own.
         needs: Others that it cannot be without.
@@ -145,7 +144,6 @@ class Effect:
     table: type
     rank: int
     several: bool = False
-    springs: bool = False
     rigid: bool = False
     rest: bool = True
     needs: tuple[Need, ...] = ()

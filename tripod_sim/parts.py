@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.body import SpringBody
     from tripod_sim.springs.skin import ChainSkin
-    from tripod_sim.springs.spring_system import SpringSystem
     from tripod_sim.system import System
 
 
@@ -63,7 +62,7 @@ class Parts:
     """What `build` made of a scene.
 
     Attributes:
-        mesh: The solid's mesh, the body of springs, or several bodies.
+        mesh: The mesh of a solid or the net of springs that is alone, or several bodies.
         mass: Of nodes [kg], shape (n,); zero for ghosts of a compliant clamp, which follow the mesh's nodes.
         system: The potential.
         stepper: The time integrator or the static solver.
@@ -86,7 +85,7 @@ class Parts:
 
     mesh: "SolidMesh | SpringBody | Assembly | JoinedMesh"
     mass: FloatArray
-    system: "System | SpringSystem | RigidSystem"
+    system: "System | RigidSystem"
     stepper: Stepper
     solver: Solver = field(default_factory=Solver)
     servos: "ServoMotion | None" = None

@@ -33,18 +33,15 @@ def soft_bodies(scene: Described) -> tuple[Body, ...]:
     return tuple(bodies)
 
 
+def only_springs(scene: Described) -> bool:
+    """Return whether all soft bodies of a scene are nets of springs, which may have no stiffness across themselves."""
+    return all(body.springs for body in soft_bodies(scene))
+
+
 def field_of(scene: Described, number: int) -> str:
     """Return how a message names body `number`: nothing for the short form, else `body.0.` and so on."""
     first = len(_short(scene))
     return f"body.{number - first}." if number >= first else ""
-
-
-def springs_alone(scene: Described) -> bool:
-    """Return whether one body of springs is all, with nothing that the compiled loops of `springs` do not know."""
-    alone = scene.springs is not None and len(soft_bodies(scene)) == 1
-    known = all(effect.springs for effect in scene.effects.values())
-    known &= not scene.inertia or scene.inertia.integrator.has_one_length
-    return alone and known and all(len(table.axes) == 3 for table in scene.fixed)
 
 
 def _short(scene: Described) -> tuple[Body, ...]:

@@ -39,7 +39,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
     from tripod_sim.softness import SoftestMove
-    from tripod_sim.springs.spring_system import SpringSystem
 
 
 LOST = 0.1
@@ -393,7 +392,7 @@ class Simulation:
 
     def advance(self, steps: int) -> StepReport:
         """Make `steps` steps with the joints as they are asked last: the same bits as one by one, and for explicit
-        schemes of springs alone much faster.
+        schemes of nets of springs much faster.
 
         Returns:
             What all of them took together; residual, growth and stalls are those of the last.
@@ -415,7 +414,7 @@ class Simulation:
         self.report = total
         return total
 
-    def _keep_forces(self, system: "System | SpringSystem | RigidSystem") -> None:
+    def _keep_forces(self, system: "System | RigidSystem") -> None:
         """Keep what holds the nodes at the end of a step, for `reactions`: `system` is evaluated elsewhere, too."""
         if self.scene.marker and isinstance(system, System):
             self._held_by[:] = system.gradient
@@ -625,7 +624,7 @@ class Simulation:
         return self._system.unknowns
 
     @property
-    def system(self) -> "System | SpringSystem | RigidSystem":
+    def system(self) -> "System | RigidSystem":
         """What the steps solve."""
         return self._system
 
@@ -668,11 +667,11 @@ class Simulation:
         themselves, so that it is about zero where nodes are free; in explicit ones where nodes are held alone. It is
         NaN where the state is neither the end of a step nor a pose of rest: before the first step, after `restore`.
 
-        Raises SceneError for a body of springs, and where the scene has no such marker.
+        Raises SceneError without soft bodies, and where the scene has no such marker.
         """
         nodes = self._marked(marker)
         if not isinstance(self._system, System):
-            raise SceneError("the force on a set is known for solids only, and this body is of springs")
+            raise SceneError("the force on a set is known for soft bodies only, and this scene has none")
         forces = self._held_by[nodes]
         if self.scene.inertia and self.scene.inertia.explicit:
             forces = forces * self._system.groups.held()[nodes]

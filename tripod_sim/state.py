@@ -66,9 +66,11 @@ class State(Copied):
         """Overwrite `other` with this, without allocating; a part that only one of them has stays as it is."""
         other.positions[:] = self.positions
         other.velocities[:] = self.velocities
-        other.modes[:] = self.modes
-        other.centres[:] = self.centres
-        other.rotations[:] = self.rotations
+        if self.modes.size:
+            other.modes[:] = self.modes
+        if self.centres.size:
+            other.centres[:] = self.centres
+            other.rotations[:] = self.rotations
         other.joints[:] = self.joints
         other.time, other.step = self.time, self.step
         if self.servos and other.servos:

@@ -6,18 +6,19 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.held import free_motion
 from tripod_sim.effect import Draft
 from tripod_sim.effects.time_error import by_way, carried
+from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import Substeps, halving
 from tripod_sim.parts import Stepper
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of, servo_tables, soft_bodies
+from tripod_sim.scene_short import joints_of, only_springs, servo_tables, soft_bodies
 from tripod_sim.system import System
 
 if TYPE_CHECKING:
     from tripod_sim.forces.anchor import Anchor
-    from tripod_sim.integrators.explicit import ExplicitSteps
     from tripod_sim.integrators.stage import ImplicitStage
-    from tripod_sim.integrators.strain_limit import StrainLimited
+    from tripod_sim.springs.automatic import AutomaticSprings
+    from tripod_sim.springs.loop import SpringLoop
 
 
 def reach_of(scene: Scene) -> float:
@@ -30,6 +31,10 @@ def stepper_of(draft: Draft, system: System) -> Stepper:
     """Return the time integrator or the static solver of soft bodies that touch nothing."""
     scene, inertia, mass = draft.scene, draft.inertia, draft.inert
     newton = _newton(draft, system)
+    if not scene.inertia and only_springs(scene):
+        from tripod_sim.integrators.static_descent import descent_steps
+
+        return descent_steps(newton, mass)
     if not scene.inertia:
         from tripod_sim.integrators.quasi_static import quasi_static_steps
 
@@ -39,6 +44,8 @@ def stepper_of(draft: Draft, system: System) -> Stepper:
     drag = scene.damping.mass if scene.damping else 0.0
     if not inertia:
         return _explicit_steps(draft, system, drag)
+    if chosen := _chosen_steps(draft, system, drag):
+        return chosen
     from tripod_sim.integrators.stage import ImplicitStage
 
     return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass)
@@ -54,6 +61,10 @@ def _newton(draft: Draft, system: System) -> Newton:
     groups = system.groups
     one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
     one_solve = one_solve and not draft.bound  # one solve does not find which springs are at it
+    if one_solve and only_springs(scene):
+        from tripod_sim.integrators.one_newton_step import OneNewtonStep
+
+        return OneNewtonStep(system, solver.tolerance, solver.max_iterations)
     if one_solve and not servo_tables(
         scene
     ):  # where nothing holds a body errors of the momentum would add up
@@ -65,13 +76,48 @@ def _newton(draft: Draft, system: System) -> Newton:
     return OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
 
 
-def _explicit_steps(draft: Draft, system: System, drag: float) -> "ExplicitSteps | StrainLimited":
-    """Return an explicit scheme, within the bound of springs if there is one."""
-    from tripod_sim.integrators.explicit import ExplicitSteps
+def _spring_loop(draft: Draft, system: System, drag: float) -> "SpringLoop | None":
+    """Return the arrays of compiled loops of springs; None where something else than springs is to be moved."""
+    if not any(body.springs for body in soft_bodies(draft.scene)):
+        return None
+    from tripod_sim.springs.loop import spring_loop
 
-    scene, mass = draft.scene, draft.inert
-    divide = scene.inertia.substeps == "auto"
-    stepper = ExplicitSteps(system, mass, scene.inertia.integrator, drag=drag, divide=divide)
+    return spring_loop(system, draft.inert, drag, draft.inertia)
+
+
+def _chosen_steps(draft: Draft, system: System, drag: float) -> "AutomaticSprings | None":
+    """Return what chooses explicit steps of springs, where `auto` leaves the scheme to it; else None."""
+    scene, wanted = draft.scene, carried(draft.scene)
+    if not (wanted and scene.inertia.integrator.is_automatic and wanted.steps == "auto"):
+        return None
+    loop = _spring_loop(draft, system, drag)
+    if not loop:
+        return None
+    if wanted.estimate == "global":
+        raise SceneError(
+            "time_error.estimate is 'global', which needs an implicit scheme; dt = 'auto' takes an "
+            "explicit one for these springs: set inertia.scheme = 'tr_bdf2', or time_error.estimate to "
+            "auto"
+        )
+    from tripod_sim.springs.automatic import AutomaticSprings
+
+    forces = bool(scene.marker)
+    return AutomaticSprings(system, loop, wanted.tolerance, wanted.shortest, forces=forces)
+
+
+def _explicit_steps(draft: Draft, system: System, drag: float) -> "Stepper":
+    """Return an explicit scheme, in a compiled loop if there is one, within the bound of springs if there is one."""
+    scene, mass, loop = draft.scene, draft.inert, _spring_loop(draft, system, drag)
+    scheme, divide = scene.inertia.integrator, scene.inertia.substeps == "auto"
+    stepper: Stepper
+    if loop:
+        from tripod_sim.springs.explicit import ExplicitSprings
+
+        stepper = ExplicitSprings(system, loop, scheme, divide=divide, forces=bool(scene.marker))
+    else:
+        from tripod_sim.integrators.explicit import ExplicitSteps
+
+        stepper = ExplicitSteps(system, mass, scheme, drag=drag, divide=divide)
     if not draft.bound:
         return stepper
     from tripod_sim.integrators.strain_limit import StrainLimited

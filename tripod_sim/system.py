@@ -23,6 +23,9 @@ from tripod_sim.system_kernels import same, scaled_norm_squared
 
 T = TypeVar("T", bound=Term)
 
+ROUNDING = 1e-15
+"""Relative error of positions and of the points that inertia pulls to: a few roundings."""
+
 DEFAULT_LINEAR = linear_factory("auto", 1e-8)
 
 
@@ -38,7 +41,6 @@ class System:
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
         driven: Nodes of all driven frames, and those of prescribed motions.
-        linear: Solves with the Hessian of the last `factor`.
         factored: Whether `linear` can solve after the last `factor`, be the matrix definite or not.
         assembly: Bends bodies that do not fit together undeformed; None where all do.
     """
@@ -82,7 +84,7 @@ class System:
         free, bodies = self.reduction.free_count, self.reduction.bodies
         diagonal_blocks = np.append(3 * np.arange(free), 3 * free + 6 * np.arange(bodies + 1))
         self._new_linear = lambda: linear(self.reduction.pattern, diagonal_blocks)
-        self.linear = self._new_linear()
+        self._linear: LinearSolver | None = None
         n, s = len(rest), len(groups.driven)
         self.gradient, self.lever, self.axes = np.zeros((n, 3)), self.reduction.lever, self.reduction.axes
         self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
@@ -94,7 +96,7 @@ class System:
         self._swing = [np.concatenate([t[k] for t in swings] or [np.zeros((0, 3))]) for k in range(4)]
         self._hubs = np.array([f.point for f in frames]).reshape(s, 3)
         self._inward = np.array([f.inward for f in frames]).reshape(s, 3)
-        self.factored = False
+        self.factored, self._turns = False, bool(groups.rigid or frames)
         self._change, self._reduced, self._unused = (
             np.zeros((n, 3)),
             np.zeros_like(self.residual),
@@ -122,6 +124,17 @@ class System:
     def radius(self, body: int) -> float:
         """Return the radius of gyration of a rigid body's nodes [m]."""
         return 1.0 / float(self._scale[3 * self.reduction.free_count + 6 * body + 3])
+
+    @property
+    def linear(self) -> LinearSolver:
+        """Solves with the Hessian of the last `factor`; made when it is first needed: explicit schemes need none."""
+        if self._linear is None:
+            self._linear = self._new_linear()
+        return self._linear
+
+    @linear.setter
+    def linear(self, solver: LinearSolver) -> None:
+        self._linear = solver
 
     def another_linear(self) -> LinearSolver:
         """Return one more linear solver for the Hessian, which has factored nothing yet."""
@@ -189,6 +202,8 @@ class System:
 
     def update_levers(self, state: State) -> None:
         """Write `lever` for the positions of `state`."""
+        if not self._turns:
+            return
         r, slide = self.reduction, state.joints[len(self._hubs)]
         write_levers(
             state.positions, state.centres, self._hubs, self._inward, slide, r.kind, r.number, r.lever
@@ -215,8 +230,12 @@ class System:
 
     def knows(self, state: State) -> bool:
         """Return whether the elastic forces at hand are those at `state`."""
+        if not self._known:
+            return False
         positions, modes = self._last
-        return self._known and same(positions, state.positions) and same(modes, state.modes)
+        return same(positions, state.positions) and (
+            not self.elastic.has_modes or bool(same(modes, state.modes))
+        )
 
     def _evaluate_elastic(self, state: State) -> float:
         """Write dE/dx to `_forces`, dD/dx to `_damper_forces` and return E [J]."""
@@ -235,8 +254,9 @@ class System:
         else:
             self._elastic_energy = elastic.add_gradient(x, modes, self._forces)
         if math.isfinite(self._elastic_energy):
-            for last, now in zip(self._last, (x, modes), strict=True):
-                last[:] = now
+            self._last[0][:] = x
+            if elastic.has_modes:
+                self._last[1][:] = modes
             self._known = self._aimed = True
         return self._elastic_energy
 
@@ -263,8 +283,11 @@ class System:
             self._unmoved = at_rest and same(self._strains, known)
 
     def add_rates(self, y: FloatArray, out: FloatArray) -> None:
-        """Add C y / s to `out` [N], of shape (n, 3), C the dampers' matrix in the last assembly, of a stage of s."""
-        positions, modes = self._assembled
+        """Add C y / s to `out` [N], of shape (n, 3), C the dampers' matrix in a stage of s.
+
+        It is that of the last assembly; with a term that does not last (`ElasticTerm.lasting`) of the last evaluation.
+        """
+        positions, modes = self._assembled if self.elastic.lasting else self._last
         self.elastic.add_rates(positions, modes, y, self._rate, out)
 
     def settle(self, state: State, solution: FloatArray, dx: FloatArray) -> None:
@@ -316,6 +339,17 @@ class System:
         """
         return math.sqrt(scaled_norm_squared(self.residual, self._scale) + self.elastic.mode_residual_squared)
 
+    def rounding(self, state: State) -> float:
+        """Return what of the unbalanced force the rounding of positions makes at `state` [N].
+
+        Only systems with springs count it: at very small steps, the inertia of their nodes makes it larger than
+        `solver.tolerance`.
+        """
+        if self.elastic.lasting:
+            return 0.0
+        pulled = scaled_norm_squared(state.positions.ravel(), np.repeat(self._weight(), 3))
+        return ROUNDING * math.sqrt(pulled) + self.elastic.rounding(state.positions)
+
     def assemble(self, state: State, *, project: bool) -> int:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
         if self.elastic.has_modes:
@@ -350,6 +384,21 @@ class System:
         weights = [t.weight for t in self.terms if t.weight is not None]
         return sum(weights[1:], start=weights[0]) if weights else self._no_weight
 
+    def add_present_products(self, dx: FloatArray, out: FloatArray) -> None:
+        """Add to `out` the Hessian times `dx` [m], both of shape (n, 3), without the nodes' own weights.
+
+        Terms that do not last (`ElasticTerm.lasting`) have that of the last evaluation, all others of the last
+        assembly.
+        """
+        self.elastic.add_present_products(*self._last, dx, out)
+        for term in self._blocks:
+            term.add_products(dx, out)
+
+    @property
+    def weight(self) -> FloatArray:
+        """Sum of the weights of terms at each node [N/m], shape (n,)."""
+        return self._weight()
+
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
         self._change[:] = 0.0
@@ -370,16 +419,17 @@ class System:
             out: The result; may not be `start`.
         """
         self.move_nodes(start, solution, dx, scale, out)
-        self.elastic.advance_modes(start.modes, dx, scale, out.modes)
+        if self.elastic.has_modes:
+            self.elastic.advance_modes(start.modes, dx, scale, out.modes)
 
     def move_nodes(
         self, start: State, solution: FloatArray, dx: FloatArray, scale: float, out: State
     ) -> None:
         """As `move`, without the modes."""
         r = self.reduction
-        move_bodies(
-            start.centres, start.rotations, scale, solution, 3 * r.free_count, out.centres, out.rotations
-        )
+        if r.bodies:
+            first = 3 * r.free_count
+            move_bodies(start.centres, start.rotations, scale, solution, first, out.centres, out.rotations)
         move_nodes(
             start.positions, scale, dx, out.centres, out.rotations, self._arm, r.kind, r.number, out.positions
         )

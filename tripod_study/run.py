@@ -16,7 +16,7 @@ from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
-from tripod_sim.scene_short import soft_bodies, springs_alone
+from tripod_sim.scene_short import soft_bodies
 from tripod_sim.script import Script, script_of
 from tripod_sim.simulation import Simulation
 from tripod_study.recording import Recording, check_out
@@ -308,8 +308,7 @@ def _markers(simulation: Simulation) -> list[dict[str, Any]]:
     found = []
     for i, (table, here) in enumerate(zip(simulation.scene.marker, simulation.markers, strict=True)):
         numbers = {"position": here, "moved": here - simulation.undeformed(i)}
-        if not springs_alone(simulation.scene):
-            numbers["force"], numbers["moment"] = simulation.reactions(i)
+        numbers["force"], numbers["moment"] = simulation.reactions(i)
         found.append({"set": table.set} | {name: values.tolist() for name, values in numbers.items()})
     return found
 

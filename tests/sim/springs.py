@@ -1,33 +1,39 @@
-"""Gradient and Hessian of a spring body, for tests."""
+"""Gradient and Hessian of a body of springs, and the body of a scene, for tests."""
 
 import numpy as np
 
-from tripod_sim.springs.spring_kernels import add_gradient, add_products, tangents
-from tripod_sim.springs.spring_system import SpringSystem
+from tripod_sim.forces.spring_force import SpringForce
+from tripod_sim.scene import Scene
+from tripod_sim.springs.body import SpringBody
+from tripod_sim.springs.net import spring_net
+
+NO_MODES = np.zeros((0, 0, 3))
 
 
-def add_whole_gradient(system: SpringSystem, x: np.ndarray, g: np.ndarray) -> float:
-    """Add dE/dx - F to `g` [N], shape (n, 3), fixed nodes included, and return E - F . (x - X) [J]."""
-    g -= system.force
-    elastic = add_gradient(x, system.links, 0.0, np.zeros(len(system.links.ends)), g)
-    return elastic - float(np.vdot(system.force, x - system.body.nodes))
+def net_of(scene: Scene) -> SpringBody:
+    """Return the springs of a scene where they are described to begin."""
+    assert scene.springs
+    return spring_net(scene.springs)
 
 
-def blocks(system: SpringSystem, x: np.ndarray, *, project: bool) -> np.ndarray:
-    """Return the Hessian's block of each spring, shape (m, 6) [N/m]; see `tangents`."""
-    m = len(system.links.ends)
-    out = np.empty((m, 6))
-    tangents(x, system.links, 0.0, np.zeros(m), project, out)
-    return out
+def force_of(body: SpringBody) -> SpringForce:
+    """Return the elastic term of a body."""
+    return SpringForce(
+        body.ends, body.rest_length, body.stiffness, body.damping, slack=body.slack, owner="net"
+    )
 
 
-def hessian(system: SpringSystem, x: np.ndarray, *, project: bool) -> np.ndarray:
+def add_whole_gradient(body: SpringBody, x: np.ndarray, g: np.ndarray) -> float:
+    """Add dE/dx to `g` [N], shape (n, 3), fixed nodes included, and return E [J]."""
+    return force_of(body).add_gradient(x, NO_MODES, g)
+
+
+def hessian(body: SpringBody, x: np.ndarray, *, project: bool) -> np.ndarray:
     """Return d²E/dx² of the free nodes [N/m], shape (unknowns, unknowns)."""
-    free, own = system.body.free, blocks(system, x, project=project)
-    columns = []
-    for k in range(system.unknowns):
-        unit, column = np.zeros_like(x), np.zeros_like(x)
-        unit[free[k // 3], k % 3] = 1.0
-        add_products(system.links.ends, own, unit, 1.0, column)
-        columns.append(column[free].ravel())
-    return np.array(columns).T
+    term, free = force_of(body), (3 * body.free[:, None] + np.arange(3)).ravel()
+    term.stiffness(x, NO_MODES, project=project)
+    H = np.zeros((x.size, x.size))
+    for ends, block in zip(body.ends, term.matrices, strict=True):
+        own = (3 * ends[:, None] + np.arange(3)).ravel()
+        H[np.ix_(own, own)] += block
+    return H[np.ix_(free, free)]

@@ -10,9 +10,7 @@ import pytest
 from tests.messages import assert_names
 from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
-from tripod_sim.contact.contact_build import obstacle_parts
-from tripod_sim.contact.crossings import Crossings
-from tripod_sim.springs.spring_build import spring_body, surface_part
+from tripod_study.plans.drape import crossings_of
 
 SMALL = ["springs.source=grid", "springs.nodes=9", "springs.size=0.6"]
 
@@ -116,7 +114,7 @@ def test_a_cloth_of_a_tenth_of_a_millimetre_passes_nothing_at_any_speed(response
     assert scene.springs
     assert scene.contact
     simulation = Simulation(scene)
-    watch = Crossings(surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    watch = crossings_of(scene)
     simulation.state.velocities[:, 2] = -speed
     pressed = 0
     for _ in range(12):

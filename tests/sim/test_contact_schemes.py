@@ -8,18 +8,22 @@ from scipy.integrate import solve_ivp
 
 from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
 from tests.sim.implicit_schemes import MULTISTEP, ORDERS, scheme_of
+from tests.sim.springs import force_of, net_of
 from tests.tiers import sampled
 from tripod_sim import Simulation, load_scene
-from tripod_sim.contact.contact_build import obstacle_parts
+from tripod_sim.constraints.groups import Groups
 from tripod_sim.contact.contact_solver import ContactSolver
-from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
-from tripod_sim.contact.spring_nodes import SpringNodes
+from tripod_sim.contact.solid_nodes import SolidNodes
+from tripod_sim.forces.anchor import Anchor
+from tripod_sim.forces.gravity import GravityForce
+from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_build import spring_body, surface_part
-from tripod_sim.springs.spring_system import SpringSystem
+from tripod_sim.system import System
+from tripod_study.plans.drape import crossings_of
 
 SCHEMES = MULTISTEP
 
@@ -207,15 +211,26 @@ def pressed_mass(scheme: str, steps: int) -> tuple[float, int]:
         nodes, np.array([[0, 1]]), np.array([length]), np.array([k]), np.zeros(1), np.array([0.1, mass])
     )
     part = Part(nodes, np.zeros((0, 3), dtype=np.int64), body.ends)
-    soft = SpringNodes(SpringSystem(body, (0.0, 0.0, -G)))
+    inertia, groups = Anchor(2), Groups(2)
+    system = System(
+        nodes,
+        [force_of(body)],
+        groups,
+        [GravityForce(body.mass, (0.0, 0.0, -G), nodes), inertia],
+        damped=True,
+    )
+    stage = ImplicitStage(Newton(system, 1e-9, 50), inertia, body.mass, 0.0)
+    soft = SolidNodes(stage, body.mass, np.arange(2), 1e-12, 1e-12)
     world = ContactSolver(law, 3 * law.distance, scheme_of(scheme), obstacles=[plate()], nodes=(soft, [part]))
-    soft.x[:], restarts = nodes, 0
+    state, restarts = system.start_state(np.zeros(1)), 0
     for _ in range(steps):
+        soft.load(state, np.zeros(1), 0.3 / steps)
         report = world.step(0.3 / steps)
+        soft.store(state)
         restarts += report.restarted
         assert report.pressed
-        assert soft.x[0, 2] == pytest.approx(law.distance, abs=1e-8)
-    return float(soft.x[1, 2] - law.distance - length), restarts
+        assert state.positions[0, 2] == pytest.approx(law.distance, abs=1e-8)
+    return float(state.positions[1, 2] - law.distance - length), restarts
 
 
 @pytest.mark.parametrize(("scheme", "expected"), ORDERS)
@@ -396,7 +411,7 @@ def test_a_cloth_of_a_tenth_of_a_millimetre_passes_nothing(response: str, scheme
     assert scene.springs
     assert scene.contact
     simulation = Simulation(scene)
-    watch = Crossings(surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    watch = crossings_of(scene)
     simulation.state.velocities[:, 2] = -speed
     pressed = 0
     for _ in range(12):
@@ -443,8 +458,7 @@ def test_a_cloth_within_its_strain_limit_is_caught(scheme: str) -> None:
     simulation = Simulation(
         load_scene("drape", [*words, "strain_limit.stretch=0.05", f"inertia.scheme={scheme}"])
     )
-    scene = simulation.scene
-    body = spring_body(scene, scene.springs)
+    body = net_of(simulation.scene)
     for _ in range(60):
         report = simulation.step()
         x = simulation.positions

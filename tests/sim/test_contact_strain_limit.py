@@ -5,9 +5,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.contact.contact_build import obstacle_parts
-from tripod_sim.contact.crossings import Crossings
-from tripod_sim.springs.spring_build import spring_body, surface_part
+from tripod_study.plans.drape import crossings_of
 
 MODES = ["lagrange", "penalty"]
 
@@ -38,7 +36,7 @@ def test_a_heavy_cloth_on_a_sphere_is_neither_rubber_nor_through(response: str) 
     simulation = Simulation(scene)
     assert scene.springs
     assert scene.contact
-    watch = Crossings(surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    watch = crossings_of(scene)
     worst, pressed = 0.0, 0
     for _ in range(45):
         report = simulation.step()
@@ -110,7 +108,7 @@ def test_a_limited_cloth_catches_a_heavy_ball() -> None:
     for _ in range(30):
         free.step()
     simulation = Simulation(load_scene("cloth", [*words, "strain_limit.stretch=0.02"]))
-    worst, b = 0.0, simulation._system.body
+    worst, b = 0.0, simulation.mesh.soft
     for _ in range(30):
         report = simulation.step()
         assert report.contact

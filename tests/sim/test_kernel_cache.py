@@ -15,7 +15,6 @@ from tripod_sim.forces.spring_force import SpringForce
 from tripod_sim.forces.strain_bound import StrainBound
 from tripod_sim.kernel_cache import remove_stale_kernels
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_system import SpringSystem
 
 SOURCES = {
     "laws.py": "",
@@ -114,7 +113,9 @@ def test_kernels_are_compiled_once_for_all_springs() -> None:
     )
     assert not body.stiffness.flags.writeable
     links = [
-        SpringSystem(body, None).links,
+        SpringForce(
+            body.ends, body.rest_length, body.stiffness, body.damping, slack=False, owner="net"
+        ).links,
         SpringForce(
             body.ends.T.copy().T, body.rest_length, body.stiffness, body.damping, slack=True, owner="net"
         ).links,

@@ -37,7 +37,7 @@ def one_part(order: int, simulation: Simulation, h: float) -> tuple[np.ndarray, 
     x, v = state.positions.copy(), state.velocities.copy()
     longest = 1e-9 if order == kernels.RK4 else h  # Verlet's parts would be too short to take over
     outcome, _, parts, rejected, _, added, _, _ = kernels.automatic_steps(
-        1, h, 1e3, 1e-9, longest, h, order, h, x, v, stepper._system.links, stepper._load, stepper._scratch,
+        1, h, 1e3, 1e-9, longest, h, order, h, x, v, stepper.loop.links, stepper.loop.load, stepper._scratch,
     )  # fmt: skip
     assert (outcome, parts, rejected) == (0, 1, 0)
     return x, v, added
@@ -211,6 +211,6 @@ def test_absent_it_is_not_imported() -> None:
         "s = Simulation(load_scene('pendulum', ['inertia.scheme=rk4'])); s.step();"
         "assert not {m for m in sys.modules if m.startswith('tripod_sim.springs.automatic')};"
         "s = Simulation(load_scene('pendulum', ['dt=auto'])); s.step();"
-        "assert 'tripod_sim.springs.implicit' not in sys.modules"
+        "assert 'tripod_sim.integrators.schemes' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -5,11 +5,10 @@ import pytest
 
 from tests.checks import assert_derivative, assert_gradient, assert_symmetric, random_rotation
 from tests.messages import raises_naming
-from tests.sim.springs import add_whole_gradient, hessian
+from tests.sim.springs import add_whole_gradient, force_of, hessian
 from tripod_sim.errors import SceneError
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.spring_kernels import add_forces, add_gradient, add_products, links_of, tangents
-from tripod_sim.springs.spring_system import SpringSystem
 
 
 def random_body(rng: np.random.Generator, *, slack: bool = False, fixed: tuple[int, ...] = ()) -> SpringBody:
@@ -27,19 +26,19 @@ def random_body(rng: np.random.Generator, *, slack: bool = False, fixed: tuple[i
 @pytest.mark.parametrize("slack", [False, True])
 def test_gradient_and_tangent_are_derivatives_of_the_energy(slack: bool) -> None:
     rng = np.random.default_rng(1)
-    system = SpringSystem(random_body(rng, slack=slack), (0.3, 0.1, -9.81))
-    x = system.body.nodes + 0.1 * rng.standard_normal((10, 3))
+    body = random_body(rng, slack=slack)
+    x = body.nodes + 0.1 * rng.standard_normal((10, 3))
 
     def energy(at: np.ndarray) -> float:
-        return add_whole_gradient(system, at, np.zeros_like(at))
+        return add_whole_gradient(body, at, np.zeros_like(at))
 
     def gradient(at: np.ndarray) -> np.ndarray:
         g = np.zeros_like(at)
-        add_whole_gradient(system, at, g)
+        add_whole_gradient(body, at, g)
         return g
 
     assert_gradient(energy, gradient(x), x, rng, h=1e-6, rel=1e-7)
-    H = hessian(system, x, project=False)
+    H = hessian(body, x, project=False)
     assert_symmetric(H)
     assert np.linalg.eigvalsh(H).min() < -0.1 or slack  # compressed springs: what projection is for
     assert_derivative(gradient, H, x, rng, h=1e-6, rel=1e-7)
@@ -72,21 +71,20 @@ def test_the_damper_of_a_stage_is_a_potential_of_the_lengths() -> None:
 
 def test_projection_leaves_stretched_springs_and_makes_compressed_ones_harmless() -> None:
     rng = np.random.default_rng(3)
-    system = SpringSystem(random_body(rng), None)
-    x = system.body.nodes
-    exact, projected = (hessian(system, x, project=p) for p in (False, True))
+    body = random_body(rng)
+    x = body.nodes
+    exact, projected = (hessian(body, x, project=p) for p in (False, True))
     assert np.linalg.eigvalsh(exact).min() < -0.1
     assert np.linalg.eigvalsh(projected).min() > -1e-12
     stretched = SpringBody(
         x,
-        system.body.ends,
-        0.3 * system.body.rest_length,
-        system.body.stiffness,
-        system.body.damping,
-        system.body.mass,
+        body.ends,
+        0.3 * body.rest_length,
+        body.stiffness,
+        body.damping,
+        body.mass,
     )
-    wide = SpringSystem(stretched, None)
-    assert np.array_equal(hessian(wide, x, project=False), hessian(wide, x, project=True))
+    assert np.array_equal(hessian(stretched, x, project=False), hessian(stretched, x, project=True))
 
 
 def test_forces_of_springs_and_dampers_keep_momentum_and_turn_with_the_body() -> None:
@@ -131,11 +129,11 @@ def test_a_slack_spring_pulls_and_does_not_push() -> None:
     for rest, tension in ((0.8, 0.2 * 7), (1.2, 0.0)):
         body = SpringBody(x, ends, one * rest, one * 7, 0 * one, mass, slack=True)
         g = np.zeros((2, 3))
-        add_whole_gradient(SpringSystem(body, None), x, g)
+        add_whole_gradient(body, x, g)
         np.testing.assert_allclose(g, [[-tension, 0, 0], [tension, 0, 0]], atol=1e-14)
     body = SpringBody(x, ends, one * 1.2, one * 7, 0 * one, mass)
     g = np.zeros((2, 3))
-    add_whole_gradient(SpringSystem(body, None), x, g)
+    add_whole_gradient(body, x, g)
     np.testing.assert_allclose(g, [[1.4, 0, 0], [-1.4, 0, 0]], atol=1e-14)
 
 
@@ -144,19 +142,19 @@ def test_a_spring_of_no_length_makes_no_number_that_is_not_finite(apart: float) 
     one = np.ones(1)
     x = np.array([[0.0, 0, 0], [apart, 0, 0]])
     body = SpringBody(x, np.array([[0, 1]]), one, one, one, np.ones(2))
-    system, g = SpringSystem(body, None), np.zeros((2, 3))
-    assert np.isfinite(add_whole_gradient(system, x, g))
+    g = np.zeros((2, 3))
+    assert np.isfinite(add_whole_gradient(body, x, g))
     assert np.isfinite(g).all()
-    assert np.isfinite(hessian(system, x, project=True)).all()
+    assert np.isfinite(hessian(body, x, project=True)).all()
     f = np.zeros((2, 3))
-    add_forces(x, np.ones((2, 3)), system.links, f)
+    add_forces(x, np.ones((2, 3)), force_of(body).links, f)
     assert np.isfinite(f).all()
 
 
 def test_a_spring_of_rest_length_zero_is_linear_through_zero() -> None:
     one = np.ones(1)
     body = SpringBody(np.zeros((2, 3)), np.array([[0, 1]]), 0 * one, 5 * one, 0 * one, np.ones(2))
-    H = hessian(SpringSystem(body, None), np.zeros((2, 3)), project=False)
+    H = hessian(body, np.zeros((2, 3)), project=False)
     np.testing.assert_array_equal(H, 5 * np.kron([[1, -1], [-1, 1]], np.eye(3)))
 
 

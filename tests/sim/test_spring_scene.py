@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from tests.messages import assert_names, raises_naming
+from tests.sim.springs import net_of
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.springs.generate import chain, grid
-from tripod_sim.springs.spring_build import spring_body
 
 
 def body(source: str, *words: str):
-    scene = load_scene(source, words)
-    assert scene.springs
-    return spring_body(scene, scene.springs)
+    return net_of(load_scene(source, words))
 
 
 def test_a_chain_has_its_nodes_in_a_line() -> None:
@@ -108,7 +106,6 @@ def test_what_is_wrong_with_a_file_is_named(tmp_path: Path, text: str, named: tu
         ("cloth", ["springs.nodes=100000"], ("springs.nodes", 100000, "at most 250000 nodes")),
         ("cloth", ["mesh={}"], ("field material", "missing", "mesh")),
         ("cloth", ["effector={}"], ("effector", "solid")),
-        ("cloth", ["solver.linear=cholmod"], ("solver.linear", "'cholmod'", "auto, ldl, cg")),
         ("cloth", ["inertia=off", "springs.fixed_corners=[]"], ("nothing holds the body",)),
         ("cloth", ["fixed=[{low=[8, 8, 8], high=[9, 9, 9]}]"], ("fixed.0", "no node", "node 399")),
         ("cloth", ["inertia=off", "strain_limit={}"], ("strain_limit", "springs", "inertia")),
@@ -221,7 +218,7 @@ def test_what_a_scene_does_not_name_is_not_imported() -> None:
     explicit = loaded("pendulum")
     assert "tripod_sim.springs.explicit" in explicit
     for name in (
-        "springs.implicit",
+        "springs.automatic",
         "forces.strain_bound",
         "mesh.read_surface",
         "integrators.implicit",

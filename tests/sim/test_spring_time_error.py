@@ -132,37 +132,18 @@ def test_the_local_estimate_steers_to_the_same_bits_and_tells_no_more(
     assert found[0] == found[1] == found[2]
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_springs_among_other_bodies_have_the_motion_and_the_estimate_of_springs_alone(
-    scheme: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whose stages are one compiled call: with dampers, which the estimate has to know of."""
-    words, found = ("springs.damping=5.0", f"inertia.scheme={scheme}", "dt=2e-3", "time_error={}"), []
-    for alone in (True, False):
-        if not alone:
-            monkeypatch.setattr("tripod_sim.build.springs_alone", lambda _: False)
-        simulation = pendulum(*words)
-        simulation.advance(200)
-        assert simulation.state.errors
-        found.append((simulation.positions.copy(), simulation.state.errors.error[0].copy()))
-    (x, one), (y, other) = found
-    np.testing.assert_allclose(x, y, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(
-        one, other, rtol=0, atol=0.1 * np.abs(one).max()
-    )  # without dampers off by half
-
-
 @pytest.mark.parametrize(("scheme", "order"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
 @pytest.mark.parametrize("words", [(), DAMPED], ids=["undamped", "damped"])
 def test_the_local_estimate_is_what_one_step_adds(scheme: str, order: int, words: tuple[str, ...]) -> None:
     fine = pendulum(*words, "inertia={scheme='rk4', substeps='off'}", "dt=5e-5")
+    allowed = 1.0 if order == 1 else 1e-5  # above what a step adds; solves end at a small share of it
     true, added = [], []
     for h in (2e-3, 1e-3):
         own = (
             f"inertia.scheme={scheme}",
             f"dt={h}",
             "dt=auto",
-            "time_error.tolerance=1.0",
+            f"time_error.tolerance={allowed}",
             "solver.tolerance=1e-10",
         )
         simulation = pendulum(*words, *own)
@@ -176,18 +157,6 @@ def test_the_local_estimate_is_what_one_step_adds(scheme: str, order: int, words
         added.append(report.time_error.added)
     np.testing.assert_allclose(added, true, rtol=0.5)
     assert added[0] / added[1] == pytest.approx(2 ** (order + 1), rel=0.25)
-
-
-@pytest.mark.parametrize("words", [(), DAMPED], ids=["undamped", "damped"])
-def test_automatic_stages_begin_where_the_motion_leads(words: tuple[str, ...]) -> None:
-    """Steps of the same length need fewer solves than those of a fixed dt and end at the same place."""
-    dt, count, own = 2e-3, 150, (*words, "inertia.scheme=tr_bdf2", "dt=0.002")
-    fixed, auto = pendulum(*own), pendulum(*own, "dt=auto", "time_error.tolerance=1.0")
-    before, after = fixed.advance(count), auto.advance(count)
-    assert before.parts == after.parts == count
-    assert auto.state.time == pytest.approx(count * dt)
-    assert after.iterations < 0.85 * before.iterations
-    np.testing.assert_allclose(auto.positions, fixed.positions, atol=1e-9)
 
 
 def test_automatic_steps_shrink_where_the_motion_is_fast() -> None:
@@ -229,7 +198,8 @@ def test_conjugate_gradients_estimate_what_a_factorisation_does(scheme: str, ste
     found = []
     for linear in ("ldl", "cg"):
         solver = f"solver={{linear='{linear}', linear_tolerance=1e-12, tolerance=1e-11}}"
-        wanted = f"time_error={{steps='{steps}', estimate='global'}}"
+        exact = ", tolerance=1e-12, shortest=2e-3" if steps == "auto" else ""  # solves end at a share of it
+        wanted = f"time_error={{steps='{steps}', estimate='global'{exact}}}"
         simulation = pendulum(*DAMPED, f"inertia.scheme={scheme}", "dt=2e-3", wanted, solver)
         for _ in range(50):
             simulation.step()
@@ -247,10 +217,10 @@ def test_conjugate_gradients_estimate_what_a_factorisation_does(scheme: str, ste
 
 @pytest.mark.parametrize("steps", ["fixed", "auto"])
 def test_a_step_that_cannot_be_saved_leaves_the_state(steps: str) -> None:
-    broken = pendulum("inertia.scheme=bdf2", f"time_error.steps={steps}", "solver.max_halvings=2")
-    solver = broken._stepper.newton.solver
-    solver.options = solver.options._replace(tolerance=1e-30, max_iterations=1)
-    solver.problem = solver.problem._replace(rounding=-1.0)
+    own = f"time_error={{steps='{steps}', tolerance=1e-15}}"  # solves end at a share of it
+    broken = pendulum("inertia.scheme=bdf2", own, "solver.max_halvings=2")
+    newton = broken._stepper.newton
+    newton.tolerance, newton.max_iterations = 1e-30, 1
     before = broken.positions.copy()
     with raises_naming(StepError, "step 1 at 0 s", "substeps", "unbalanced force"):
         broken.step()
@@ -277,7 +247,7 @@ def test_absent_it_is_not_imported() -> None:
     code = (
         "import sys; from tripod_sim import Simulation, load_scene;"
         "s = Simulation(load_scene('pendulum', ['inertia.scheme=bdf2'])); s.step(); assert s.state.errors is None;"
-        "assert 'tripod_sim.springs.stage' in sys.modules;"
+        "assert 'tripod_sim.integrators.stage' in sys.modules;"
         "absent = {'tripod_sim.integrators.time_error', 'tripod_sim.integrators.added_error_control'};"
         "assert not absent & set(sys.modules)"
     )

@@ -24,7 +24,7 @@ def copies(tmp_path: Path) -> list[Path]:
 @pytest.mark.parametrize(
     "path",
     [
-        "tripod_sim/springs/spring_system.py",
+        "tripod_sim/springs/loop.py",
         "tripod_sim/linear/ldl.py",
         "tripod_sim/scenes/drape.toml",
         "tripod_sim/scenes/sphere.obj",

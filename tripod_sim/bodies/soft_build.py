@@ -24,6 +24,8 @@ from tripod_sim.tables.bodies import Body, Material, Mesh, Region
 if TYPE_CHECKING:
     from tripod_sim.forces.element_inertia import ElementMasses
     from tripod_sim.forces.strain_bound import StrainBound
+    from tripod_sim.springs.body import SpringBody
+    from tripod_sim.springs.skin import ChainSkin
 
 
 class Masses(NamedTuple):
@@ -97,13 +99,22 @@ def _body(
     return body.placed(body.mesh.nodes @ turn.T + position), notes
 
 
-def shown(assembly: Assembly) -> "tuple[SolidMesh | Assembly, AssemblySkin | None, tuple[int, ...]]":
+def shown(
+    assembly: Assembly,
+) -> "tuple[SolidMesh | SpringBody | Assembly, ChainSkin | AssemblySkin | None, tuple[int, ...]]":
     """Return what a simulation shows of the bodies: a mesh, a skin where bodies share nodes or a chain has no surface,
     and how many of the nodes shown belong to each body.
     """
     counts = tuple(len(body.nodes) for body in assembly.bodies)
     if len(counts) == 1 and (solid := assembly.bodies[0].solid):
         return solid, None, counts
+    if len(counts) == 1 and (net := assembly.bodies[0].net):
+        if len(net.triangles):
+            return net, None, counts
+        from tripod_sim.springs.skin import ChainSkin  # noqa: PLC0415 - only with springs
+
+        chain = ChainSkin(net)
+        return net, chain, (len(chain.nodes),)
     if sum(counts) == len(assembly.nodes) and all(len(body.mesh.surface) for body in assembly.bodies):
         return assembly, None, counts
     skin = AssemblySkin(assembly)

@@ -97,6 +97,7 @@ class SolidNodes(Nodes):
         self._off = [t.arrays().y for t in system.elastic.terms if isinstance(t, Solid) and t.has_modes]
         # what only some steps need is compiled
         system.elastic.settle_modes(system.rest, self._last_modes, tolerance)
+        system.reduction.moves(np.zeros(system.unknowns), system.lever, self._dx)
         system.elastic.add_products(system.elastic.matrices, self._dx, largest(self._last), self._last)
         self._start: State | None = None
         self._trial: State | None = None
@@ -126,7 +127,7 @@ class SolidNodes(Nodes):
     @property
     def lasting(self) -> bool:
         """Whether the Hessian of a step may serve in the next."""
-        return not (self._projected or self.bound)
+        return not (self._projected or self.bound) and any(t.lasting for t in self._system.elastic.terms)
 
     # what the stepper asks --------------------------------------------------------------------------------------------
 

@@ -71,7 +71,6 @@ BALL = "ball"
 EFFECT = Effect(
     Ball,
     rank=140,
-    springs=True,
     rigid=True,
     rest=False,
     needs=(Need("gravity", "without it the ball would never touch anything"),),

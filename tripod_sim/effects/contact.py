@@ -116,7 +116,6 @@ EFFECT = Effect(
     Contact,
     rank=150,
     found=contact_of,
-    springs=True,
     rigid=True,
     rest=False,
     check=check,

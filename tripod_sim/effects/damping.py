@@ -31,7 +31,6 @@ def act(damping: Damping, draft: Draft) -> None:
 EFFECT = Effect(
     Damping,
     rank=30,
-    springs=True,
     rest=False,
     needs=(Need("inertia", "a scene at rest has no velocity to damp; add [inertia], or leave damping out"),),
     act=act,

@@ -43,5 +43,5 @@ def hold(tables: tuple[Fixed, ...], draft: Draft) -> None:
     ]
 
 
-EFFECT = Effect(Fixed, rank=40, several=True, springs=True, check=check, hold=hold)
+EFFECT = Effect(Fixed, rank=40, several=True, check=check, hold=hold)
 """One more group of nodes, no code of its own."""

@@ -34,7 +34,6 @@ def act(gravity: Gravity, draft: Draft) -> None:
 EFFECT = Effect(
     Gravity,
     rank=10,
-    springs=True,
     rigid=True,
     modules=("forces.gravity",),
     stages={"forces.gravity.GravityForce": {"add_gradient": "gravity"}},

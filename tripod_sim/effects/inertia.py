@@ -79,7 +79,6 @@ def act(inertia: Inertia, draft: Draft) -> None:
 EFFECT = Effect(
     Inertia,
     rank=20,
-    springs=True,
     rigid=True,
     rest=False,
     modules=(

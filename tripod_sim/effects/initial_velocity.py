@@ -60,7 +60,6 @@ EFFECT = Effect(
     InitialVelocity,
     rank=70,
     several=True,
-    springs=True,
     rest=False,
     needs=(Need("inertia", "a scene at rest has no velocity; add [inertia]"),),
     words=("initial_velocity=[{velocity=[0.01, 0.0, 0.0]}]",),

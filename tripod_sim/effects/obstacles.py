@@ -38,7 +38,6 @@ EFFECT = Effect(
     Obstacle,
     rank=160,
     several=True,
-    springs=True,
     rigid=True,
     rest=False,
     check=check,

@@ -17,7 +17,6 @@ EFFECT = Effect(
     Rigid,
     rank=170,
     several=True,
-    springs=True,
     rigid=True,
     rest=False,
     needs=(Need("contact", "without it nothing touches the bodies; add [contact]"),),

@@ -33,7 +33,6 @@ def finish(table: Sleep, scene: Described, parts: Parts, build: Callable[[Descri
 EFFECT = Effect(
     Sleep,
     rank=200,
-    springs=True,
     rigid=True,
     rest=False,
     needs=(Need("inertia", "without velocity every step is at rest; add [inertia], or leave sleep out"),),

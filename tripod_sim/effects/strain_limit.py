@@ -40,7 +40,6 @@ def act(table: StrainLimit, draft: Draft) -> None:
 EFFECT = Effect(
     StrainLimit,
     rank=120,
-    springs=True,
     rest=False,
     check=check,
     modules=("forces.strain_bound", "integrators.strain_limit"),

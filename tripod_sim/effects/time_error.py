@@ -7,7 +7,7 @@ from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.schemes import auto
-from tripod_sim.scene_short import rigids_of, servo_tables, soft_bodies, springs_alone
+from tripod_sim.scene_short import rigids_of, servo_tables, soft_bodies
 from tripod_sim.tables.fields import number, one_of
 
 
@@ -61,23 +61,15 @@ def carried(scene: Described) -> TimeError | None:
 
 def check(wanted: TimeError, scene: Described) -> None:
     """Raise SceneError if the estimate lacks what it needs."""
-    chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.integrator.is_automatic
     if wanted.accuracy and wanted.steps == "fixed":
         raise SceneError(
             f"time_error.accuracy is {wanted.accuracy:g}, but steps of a fixed dt cannot follow it; set "
             "dt = 'auto', or leave time_error.accuracy out"
         )
-    explicit = springs_alone(scene) and chosen and not (halves(scene) or by_way(scene))
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
             "time_error.estimate is 'local', but a fixed dt does not use it; set dt = 'auto', or "
             "time_error.estimate to auto or global"
-        )
-    if explicit and wanted.estimate == "global":
-        raise SceneError(
-            "time_error.estimate is 'global', which needs an implicit scheme; dt = 'auto' takes an "
-            "explicit one for these springs: set inertia.scheme = 'tr_bdf2', or time_error.estimate to "
-            "auto"
         )
     if halves(scene) and wanted.steps == "auto" and wanted.estimate == "global":
         raise SceneError(
@@ -174,7 +166,6 @@ TIME_ERROR = "time error"
 EFFECT = Effect(
     TimeError,
     rank=180,
-    springs=True,
     rigid=True,
     rest=False,
     needs=(Need("inertia", "a scene at rest has no time steps; add [inertia], or leave time_error out"),),

@@ -31,6 +31,7 @@ class ElasticTerm:
         has_modes: Whether the elements have modes.
         remembers: How many numbers its damper takes the rate of, which schemes combine as they do positions; 0 without
             one.
+        lasting: Whether the Hessian of one step is near that of the next, so that a factorisation may serve both.
     """
 
     elements: IndexArray
@@ -38,6 +39,7 @@ class ElasticTerm:
     mode_residual_squared = 0.0
     has_modes = False
     remembers = 0
+    lasting = True
 
     def rest_modes(self) -> FloatArray:
         """Return the modes of the undeformed body [m], shape (m, modes of an element, 3)."""
@@ -78,6 +80,20 @@ class ElasticTerm:
     def add_damping_bound(self, x: FloatArray, modes: FloatArray, v: FloatArray, out: FloatArray) -> None:
         """Add C v to `out` [N], both of shape (n, 3), C the damper's matrix at `x`, or one that it never exceeds."""
         self.add_rates(x, modes, v, 1.0, out)
+
+    def rounding(self, x: FloatArray) -> float:
+        """Return what rounding of positions makes of the forces at `x` [N]: too little to count."""
+        return 0.0
+
+    def add_present_products(
+        self, x: FloatArray, modes: FloatArray, dx: FloatArray, out: FloatArray, *, damper: bool
+    ) -> None:
+        """Add the Hessian at `x`, with that of the damper in a stage or without, times `dx` [m] to `out` [N].
+
+        What lasts has `matrices` for it.
+        """
+        every = np.arange(len(self.elements))
+        add_element_products(self.matrices, self.elements, every, dx, 1.0, out)
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
         """Write `matrices`, with those of the damper in a stage or without.
@@ -126,6 +142,7 @@ class Elastic:
         mode_residual_squared: Sum of the terms' [N²], of the last gradient.
         has_modes: Whether a term has any.
         remembers: Sum of the terms'; 0 where dampers do not count.
+        lasting: Whether the Hessians of all terms last.
     """
 
     def __init__(self, terms: Sequence[ElasticTerm], moved: IndexArray, *, damped: bool = False) -> None:
@@ -133,7 +150,7 @@ class Elastic:
         self.mode_residual_squared = 0.0
         ends = np.cumsum([0, *(t.remembers if damped else 0 for t in terms)]).tolist()
         self._memories, self.remembers = [slice(a, b) for a, b in pairwise(ends)], ends[-1]
-        self.has_modes = any(t.has_modes for t in terms)
+        self.has_modes, self.lasting = any(t.has_modes for t in terms), all(t.lasting for t in terms)
         self.matrices = [t.matrices for t in terms]
         self._every = [(t.elements, np.arange(len(t.elements))) for t in terms]
         self._beside = [(t.elements, np.flatnonzero(np.isin(t.elements, moved).any(axis=1))) for t in terms]
@@ -262,6 +279,15 @@ class Elastic:
         for k, (elements, every) in enumerate(self._every):
             total += add_element_products(matrices[k], elements, every, dx, factor, g)
         return total
+
+    def rounding(self, x: FloatArray) -> float:
+        """Return what rounding of positions makes of the forces at `x` [N]."""
+        return sum(term.rounding(x) for term in self.terms)
+
+    def add_present_products(self, x: FloatArray, modes: FloatArray, dx: FloatArray, out: FloatArray) -> None:
+        """Add the Hessian at `x` times `dx` [m] to `out` [N], both of shape (n, 3)."""
+        for k, term in enumerate(self.terms):
+            term.add_present_products(x, self.of(modes, k), dx, out, damper=self._damps(k))
 
     def add_response(self, matrices: Matrices, dx: FloatArray, factor: float, g: FloatArray) -> None:
         """As `add_products`, of the elements alone that have one of the nodes which are moved."""

@@ -1,5 +1,7 @@
 """Springs with their dampers as an elastic term of a system."""
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -10,6 +12,8 @@ from tripod_sim.springs.spring_kernels import (
     Links,
     add_damper_gradient,
     add_gradient,
+    add_gradients,
+    add_products,
     add_rates,
     elastic_energy,
     has_dampers,
@@ -18,6 +22,7 @@ from tripod_sim.springs.spring_kernels import (
     rates_of,
     tangents,
 )
+from tripod_sim.system_kernels import largest
 
 
 class SpringTangents:
@@ -58,7 +63,10 @@ class SpringForce(SpringTangents, ElasticTerm):
     Attributes:
         elements: The ends of each spring, shape (m, 2).
         matrices: [B, -B; -B, B] of each [N/m], shape (m, 6, 6), of the last `stiffness`.
+        lasting: No: springs turn and go slack.
     """
+
+    lasting = False
 
     def __init__(
         self, ends: IndexArray, rest_length: FloatArray, stiffness: FloatArray, damping: FloatArray, *, slack: bool,
@@ -76,6 +84,7 @@ class SpringForce(SpringTangents, ElasticTerm):
             viscosity: b of further dampers b k [s], which of slack springs act while they are taut.
         """
         super().__init__(links_of(ends, rest_length, stiffness, damping, slack, viscosity))
+        self._rounding = 1e-15 * float(stiffness.max(initial=0.0)) * math.sqrt(len(ends))
         self._owner, self._reference, self._rate = owner, np.zeros(len(ends)), 0.0
         self.remembers = len(ends) if has_dampers(self.links) else 0
 
@@ -91,7 +100,8 @@ class SpringForce(SpringTangents, ElasticTerm):
         self, x: FloatArray, modes: FloatArray, g: FloatArray, d: FloatArray
     ) -> tuple[float, float]:
         """As `add_gradient`; add dD/dx to `d`, too, and return E and D [J]."""
-        return self.add_gradient(x, modes, g), self.add_damper_gradient(x, modes, d)
+        stored, lost = add_gradients(x, self.links, self._rate, self._reference, g, d)
+        return float(stored), float(lost)
 
     def add_damper_gradient(self, x: FloatArray, modes: FloatArray, d: FloatArray) -> float:
         """Add dD/dx [N] to `d`, shape (n, 3), and return D [J]."""
@@ -116,6 +126,18 @@ class SpringForce(SpringTangents, ElasticTerm):
         (i, j), c = self.elements.T, rates_of(self.links)[:, None]
         np.add.at(out, i, c * (v[i] - v[j]))
         np.add.at(out, j, c * (v[j] - v[i]))
+
+    def rounding(self, x: FloatArray) -> float:
+        """Return what rounding of positions makes of the forces at `x` [N]."""
+        return self._rounding * largest(x)
+
+    def add_present_products(
+        self, x: FloatArray, modes: FloatArray, dx: FloatArray, out: FloatArray, *, damper: bool
+    ) -> None:
+        """Add the Hessian at `x` times `dx` [m] to `out` [N], of slack springs positive semi-definite."""
+        rate = self._rate if damper else 0.0
+        tangents(x, self.links, rate, self._reference, self.links.slack, self._blocks)
+        add_products(self.elements, self._blocks, dx, 1.0, out)
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
         """Write `matrices`, with `project` positive semi-definite; return -1."""

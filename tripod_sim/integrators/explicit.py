@@ -30,13 +30,13 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
 from tripod_sim.forces.term import ForceTerm, LinearTerm, Term
 from tripod_sim.integrators import explicit_kernels as kernels
-from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
+from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import IMPLICIT
 from tripod_sim.integrators.stability import longest_part, remedy
-from tripod_sim.springs.spring_kernels import Links
+from tripod_sim.springs.spring_kernels import Links, nets_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -83,7 +83,7 @@ class ExplicitSteps:
         self._damping = LargestFrequency(system, mass, self._add_damping) if damped else None
         terms = [t.arrays() for t in system.elastic.terms]
         self._solids = [(k, arrays) for k, arrays in enumerate(terms) if isinstance(arrays, SolidArrays)]
-        self._nets = _nets([t for t in terms if isinstance(t, Links)])
+        self._nets = nets_of([t for t in terms if isinstance(t, Links)])
         self._at: State | None = None  # where `_add_damping` takes the matrix of dampers
         self._bodies, self._offset = _bodies(system, mass)
         self._frames = _frames(system)
@@ -310,20 +310,6 @@ class ExplicitSteps:
         if not np.isfinite(state.positions).all():
             return "a number is not finite"
         return self._system.elastic.culprit(state.positions, state.modes)
-
-
-def _nets(springs: Sequence[Links]) -> Nets:
-    """Return all springs that push and all that only pull."""
-    nets = []
-    for slack in (False, True):
-        own = [net for net in springs if bool(net.slack) == slack]
-        ends = np.concatenate([*(net.ends for net in own), np.zeros((0, 2), dtype=np.int64)])
-        rest, stiffness, damping = (
-            np.concatenate([*(net[k] for net in own), np.zeros(0)]) for k in (1, 2, 3)
-        )
-        viscosity = max((net.viscosity for net in own), default=0.0)  # the scene has one for all
-        nets.append(Links(ends, rest, stiffness, damping, slack, viscosity))
-    return nets[0], nets[1]
 
 
 def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:

@@ -99,7 +99,7 @@ class Newton:
         self._ahead: float | None = None
         self.store: FactorStore | None = None
         self.near, self._moved = 0.0, 0.0
-        self.spent = 0
+        self.spent = self._linear_spent = 0
         self.indefinite = False
 
     def forget(self) -> None:
@@ -158,7 +158,7 @@ class Newton:
             self._trial.errors = self._trial.way = self._trial.ball = self._trial.servos = (
                 None  # no part of a trial
             )
-        trial, report = self._trial, NewtonReport()
+        trial, report, linear_spent = self._trial, NewtonReport(), self._linear_spent
         state.copy_to(trial)
         self._dx[:] = 0.0
         kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
@@ -181,6 +181,7 @@ class Newton:
             before, phi = size, self._drive(state, trial, report)
             size = self.system.unbalanced()
         self._descend(state, trial, phi, size, report, before)
+        report.linear_iterations = self._linear_spent - linear_spent
         if self._serves(report):
             self._kept = keep
             if self.store and keep:
@@ -190,9 +191,14 @@ class Newton:
     def _begin(self, length: float | None) -> None:
         """Begin to solve a step of `length` [s]."""
 
+    @property
+    def _renews_always(self) -> bool:
+        """Whether a kept Hessian is worth nothing: it soon is out of date, and solving with it costs as much."""
+        return not self.system.elastic.lasting and self.system.linear.iterates
+
     def _serves(self, report: NewtonReport) -> bool:
         """Return whether the factorisation at hand is good enough for the next solve."""
-        return report.iterations <= self.FEW
+        return not self._renews_always and report.iterations <= self.FEW
 
     def _add_drive(self, state: State, trial: State) -> None:
         """Add to the residual at `state` what the move of the driven nodes to `trial` makes of it, to first order."""
@@ -216,6 +222,7 @@ class Newton:
         `before`: the residual a step earlier [N], 0 if there was none.
         """
         system = self.system
+        renews = self._renews_always
         while not (
             size <= self.tolerance or self._ends(state, trial, size, before, report)
         ):  # NaN is unsolved
@@ -226,10 +233,15 @@ class Newton:
                     self._rounding()
                     or f"solver.max_iterations is {self.max_iterations}; a smaller dt or a slower motion may help",
                 )
-            before = size
-            lower = self._step(state, trial, report)  # chord: with the factorisation at hand
-            size = system.unbalanced() if math.isfinite(lower) else np.inf
+            before, lower = size, np.inf
+            if not (renews and report.iterations):
+                lower = self._step(state, trial, report)  # chord: with the factorisation at hand
+                size = system.unbalanced() if math.isfinite(lower) else np.inf
             if not (self._converges(size, before) and lower <= phi + self._slack(phi)):
+                if before <= self.tolerance + system.rounding(state):  # no step leaves less
+                    size = before
+                    system.evaluate(state)
+                    break
                 lower = self._newton_step(state, trial, report)
                 size = system.unbalanced()
             phi = lower
@@ -314,8 +326,11 @@ class Newton:
 
     def _solve(self) -> FloatArray:
         """Return A^-1 residual, or raise NewtonError where the linear solver gives up."""
+        linear = self.system.linear
         try:
-            return self.system.linear.solve(self.system.residual)
+            solution = linear.solve(self.system.residual)
+            self._linear_spent += linear.iterations
+            return solution
         except LinearError as error:
             raise NewtonError(str(error)) from error
 

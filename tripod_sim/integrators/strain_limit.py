@@ -1,8 +1,7 @@
 """Steps within a bound of the stretch of springs: the inequality of `forces.strain_bound`, solved with each step.
 
-Implicit stages have the bound among the terms that they minimise. Schemes that solve no such potential, the explicit
-ones and the compiled loops of springs alone, make their step without it; then the nodes move, as little as can be, to
-where it holds: from x to the minimum over x' of
+Implicit stages have the bound among the terms that they minimise. Explicit schemes make their step without it; then
+the nodes move, as little as can be, to where it holds: from x to the minimum over x' of
 
     1/2 |x' - x|²_M / h²  within  l(x') <= l_b,
 

@@ -29,6 +29,7 @@ from tripod_sim.copied import Copied
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.integrators.history import write_history, write_known
+from tripod_sim.integrators.refined_solver import RefinedSolver
 from tripod_sim.integrators.scheme import Curve, Defect, ImplicitScheme, Stage, euler_stage, total_defect
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.system_kernels import same
@@ -148,10 +149,12 @@ class Nodes:
         self._system, self._inertia, self._mass = system, inertia, mass
         self.shape = (len(mass), 3)
         self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
-        self._heavy = [t for t in getattr(system, "terms", ()) if t.has_inertia]
+        self._heavy = [t for t in system.terms if t.has_inertia]
         self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
         self._force, self._move = np.zeros(self.shape), np.zeros(self.shape)
         self._effector = system.groups.rigid[0] if system.groups.rigid else None
+        own = not (system.elastic.lasting or system.groups.rigid)
+        self._linear = RefinedSolver(system) if own else None
 
     def accelerations(self, end: FloatArray, u: FloatArray, s: float, out: FloatArray) -> None:
         """As in `Coordinates`."""
@@ -171,7 +174,9 @@ class Nodes:
         system.reduction.gradient(force, self._reduced, self._torques)
         self._reduced -= left
         try:
-            solution = system.linear.solve(self._reduced)
+            solution = (
+                self._linear.solve(self._reduced) if self._linear else system.linear.solve(self._reduced)
+            )
         except LinearError:
             solution = np.full_like(self._reduced, np.nan)
         system.reduction.moves(solution, system.lever, self._move)

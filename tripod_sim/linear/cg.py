@@ -25,6 +25,8 @@ class ConjugateGradients(LinearSolver):
         iterations: Of the last `solve` or `is_positive`.
     """
 
+    iterates = True
+
     def __init__(self, pattern: Pattern, blocks: IndexArray, tolerance: float = 1e-8) -> None:
         """Analyse the pattern.
 

@@ -20,12 +20,17 @@ as four solutions by conjugate gradients, which is what a renewed Hessian needs.
 decides: thin bodies of as many unknowns have a factor ten times smaller and take ten times the iterations."""
 
 
-def linear_factory(name: str, tolerance: float) -> LinearFactory:
+LARGE_NET = 60_000
+"""Unknowns of nets of springs above which `auto` iterates: there an incomplete factorisation serves well."""
+
+
+def linear_factory(name: str, tolerance: float, *, springs: bool = False) -> LinearFactory:
     """Return what makes the solver `name`; the thresholds are those of `benchmarks/linear.py`.
 
     Args:
         name: `auto`, `ldl`, `cholmod` or `cg`.
         tolerance: Relative residual of conjugate gradients.
+        springs: Whether the matrices are of nets of springs alone.
 
     Raises:
         SceneError: `cholmod` is named and not installed.
@@ -36,6 +41,10 @@ def linear_factory(name: str, tolerance: float) -> LinearFactory:
         )
 
     def make(pattern: Pattern, blocks: IndexArray) -> LinearSolver:
+        if springs and (name == "cg" or (name == "auto" and pattern.shape[0] > LARGE_NET)):
+            from tripod_sim.linear.incomplete import IncompleteConjugateGradients
+
+            return IncompleteConjugateGradients(pattern, blocks, tolerance)
         direct = None if name in ("cg", "cholmod") else Ldl(pattern)
         if direct and (name == "ldl" or direct.entries <= SMALL):
             return direct

@@ -17,7 +17,13 @@ class LinearSolver(ABC):
 
     It is built on the pattern: the upper triangle of A as a scipy CSC matrix with a full diagonal. The caller writes
     new values into the pattern's `data` and calls `factor`; answers belong to the values at that call.
+
+    Attributes:
+        iterates: Whether it solves by iteration: each solution costs as much as the first.
+        iterations: Of the last solution; 0 of direct solvers.
     """
+
+    iterates, iterations = False, 0
 
     @abstractmethod
     def factor(self) -> bool:

@@ -8,11 +8,12 @@ from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.schemes import rk4, semi_implicit_euler
 from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
 from tripod_sim.springs import automatic_kernels as kernels
-from tripod_sim.springs.explicit import MOST_PARTS, load_of
+from tripod_sim.springs.explicit import MOST_PARTS, write_gradient
 from tripod_sim.springs.explicit_kernels import FINE
 from tripod_sim.springs.frequency_bound import fastest
-from tripod_sim.springs.spring_system import SpringSystem
+from tripod_sim.springs.loop import SpringLoop
 from tripod_sim.state import State
+from tripod_sim.system import System
 
 SHARE = 0.9
 """Of Verlet's stability limit that its longest part takes; RK4's has that margin in it."""
@@ -29,21 +30,29 @@ class AutomaticSprings:
         forces: Evaluations of the forces that a part took in the last call, in the mean.
     """
 
-    def __init__(self, system: SpringSystem, tolerance: float, shortest: float, *, drag: float) -> None:
+    def __init__(
+        self, system: System, loop: SpringLoop, tolerance: float, shortest: float, *, forces: bool
+    ) -> None:
         """Prepare.
 
         Args:
-            system: The body.
+            system: The sum of terms.
+            loop: Its arrays.
             tolerance: Error that a part may add to the position of a node [m].
             shortest: Length of a part that is accepted whatever its error [s].
-            drag: a of the force -a M v [1/s].
+            forces: Whether `system.gradient` is written at the end of a step.
         """
-        self._system, self._tolerance, self._shortest = system, tolerance, shortest
-        self._load, (omega, rate) = load_of(system, drag), fastest(system, drag)
+        self._system, self.loop, self._tolerance, self._shortest = system, loop, tolerance, shortest
+        self._write_forces, (omega, rate) = forces, fastest(loop)
         self.forces = 0.0
         self._verlet = SHARE * semi_implicit_euler.SCHEME.longest_step(omega, 2.0 * rate)
         self._runge_kutta = rk4.SCHEME.longest_step(omega, rate)
         self._scratch = np.zeros((9, *system.rest.shape))
+
+    @property
+    def errors(self) -> "AutomaticSprings":
+        """What carries the errors of the steps along."""
+        return self
 
     def start(self, velocities: FloatArray) -> ErrorState:
         """Return what is remembered at the start: no errors, since none are carried along."""
@@ -74,7 +83,7 @@ class AutomaticSprings:
             )
         outcome, done, parts, rejected, forces, worst, order, proposed = kernels.automatic_steps(
             count, dt, self._tolerance, self._shortest, self._verlet, self._runge_kutta, remembered.order,
-            remembered.proposed, state.positions, state.velocities, self._system.links, self._load, self._scratch,
+            remembered.proposed, state.positions, state.velocities, self.loop.links, self.loop.load, self._scratch,
         )  # fmt: skip
         remembered.order, remembered.proposed = order, proposed
         self.forces = forces / max(1, parts)
@@ -86,6 +95,8 @@ class AutomaticSprings:
                 f"step {state.step + 1} at {state.time:.4g} s overflows, even with substeps of "
                 f"{self._shortest:g} s; set inertia.scheme = 'tr_bdf2', which is stable at any dt"
             )
+        if self._write_forces:
+            write_gradient(self.loop, state, self._system.gradient)
         report = StepReport(parts=parts, rejected=rejected, dt_limit=self._runge_kutta)
         report.time_error = TimeErrorReport(np.nan, np.nan, -1, worst)
         return report

@@ -11,17 +11,13 @@ from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.stability import longest_part, remedy
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.frequency_bound import fastest
-from tripod_sim.springs.spring_system import SpringSystem
+from tripod_sim.springs.loop import SpringLoop
+from tripod_sim.springs.spring_kernels import add_forces
 from tripod_sim.state import State
+from tripod_sim.system import System
 
 MOST_PARTS = 10_000_000
 """Of one step."""
-
-
-def load_of(system: SpringSystem, drag: float) -> kernels.Load:
-    """Return what acts on the nodes of a body; `drag`: a of -a M v [1/s]."""
-    inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
-    return kernels.Load(system.force, inverse, system.mass, drag)
 
 
 class ExplicitSprings:
@@ -38,25 +34,25 @@ class ExplicitSprings:
         finer: Times as many parts as are needed that a step is divided into.
     """
 
-    def __init__(self, system: SpringSystem, scheme: ExplicitScheme, *, drag: float, divide: bool) -> None:
+    def __init__(
+        self, system: System, loop: SpringLoop, scheme: ExplicitScheme, *, divide: bool, forces: bool
+    ) -> None:
         """Prepare.
 
         Args:
-            system: The body.
+            system: The sum of terms.
+            loop: Its arrays.
             scheme: Which.
-            drag: a of the force -a M v [1/s].
             divide: Whether a step is divided into stable parts; if not, instability shows.
+            forces: Whether `system.gradient` is written at the end of a step.
         """
-        self._system, self._scheme, self._divide = system, scheme.code, divide
-        self._load, (omega, rate) = load_of(system, drag), fastest(system, drag)
+        self._system, self.loop, self._scheme, self._divide = system, loop, scheme.code, divide
+        self._forces, (omega, rate) = forces, fastest(loop)
         self.limit, self._part = scheme.longest_step(omega, rate), longest_part(scheme, omega, rate)
         self._scratch = np.zeros((8, *system.rest.shape))
         self._watch = np.zeros(5)
         self._watching, self.finer = False, 1
-        weights = (system.force**2).sum(axis=1)
-        self._fall = float(
-            np.divide(weights, system.mass, out=np.zeros_like(weights), where=system.mass > 0).sum()
-        )
+        self._fall = float((loop.load.force**2).sum(axis=1) @ loop.load.inverse_mass)
 
     def forget(self) -> None:
         """Measure the growth of energy from the next step on."""
@@ -87,12 +83,12 @@ class ExplicitSprings:
         parts = self.parts(dt)
         if not self._watching:
             springs, weight = self._system.potentials(state)
-            kinetic = 0.5 * float(self._system.mass @ (state.velocities**2).sum(axis=1))
+            kinetic = 0.5 * float(self.loop.load.mass @ (state.velocities**2).sum(axis=1))
             self._watch[:] = kinetic + springs + weight, kinetic + springs, 2 * self._fall * dt**2, 0.0, 0.0
             self._watching = True
         outcome, done = kernels.explicit_steps(
-            self._scheme, count, dt / parts, parts, state.positions, state.velocities, self._system.body.nodes,
-            self._system.links, self._load, self._watch, self._scratch,
+            self._scheme, count, dt / parts, parts, state.positions, state.velocities, self.loop.origin,
+            self.loop.links, self.loop.load, self._watch, self._scratch,
         )  # fmt: skip
         for _ in range(done):
             state.time += dt
@@ -102,6 +98,8 @@ class ExplicitSprings:
                 f"step {state.step + 1} at {state.time:.4g} s overflows: the explicit scheme is unstable at dt {dt:g} "
                 f"s (limit {self.limit:.3g} s); {remedy(self.limit, divides=self._divide)}"
             )
+        if self._forces:
+            write_gradient(self.loop, state, self._system.gradient)
         grew = int(self._watch[4])
         return StepReport(
             parts=parts * done,
@@ -109,3 +107,10 @@ class ExplicitSprings:
             growth=float(self._watch[3]) if grew else 0.0,
             grew_at=state.step - grew + 1 if grew else 0,
         )
+
+
+def write_gradient(loop: SpringLoop, state: State, out: FloatArray) -> None:
+    """Write minus the forces of springs, dampers and loads at `state` to `out` [N], shape (n, 3)."""
+    out[:] = loop.load.force
+    add_forces(state.positions, state.velocities, loop.links, out)
+    np.negative(out, out=out)

@@ -12,22 +12,20 @@ from scipy import sparse
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.stability import largest_eigenvalue
-from tripod_sim.springs.body import SpringBody
+from tripod_sim.springs.loop import SpringLoop
 from tripod_sim.springs.spring_kernels import rates_of
-from tripod_sim.springs.spring_system import SpringSystem
 
 ITERATIONS = 2000
 
 
-def network_bound(body: SpringBody, weights: FloatArray) -> float:
+def network_bound(loop: SpringLoop, weights: FloatArray) -> float:
     """Return the largest eigenvalue of M^-1 L, L the network of springs with `weights` [N/m] or [N s/m], (m,).
 
     Gershgorin's circles bound it from above, the power iteration estimates it from below, to about one percent.
     """
-    n = len(body.nodes)
-    root = np.zeros(n)
-    root[body.free] = 1 / np.sqrt(body.mass[body.free])
-    i, j = body.ends.T
+    root = np.sqrt(loop.load.inverse_mass)
+    n = len(root)
+    i, j = loop.links.ends.T
     off = sparse.coo_matrix((-weights * root[i] * root[j], (i, j)), shape=(n, n))
     degree = (
         np.bincount(i, weights=weights, minlength=n) + np.bincount(j, weights=weights, minlength=n)
@@ -38,7 +36,9 @@ def network_bound(body: SpringBody, weights: FloatArray) -> float:
     return min(circles, 1.01 * largest_eigenvalue(lambda p: matrix @ p, start, ITERATIONS)[0])
 
 
-def fastest(system: SpringSystem, drag: float) -> tuple[float, float]:
+def fastest(loop: SpringLoop) -> tuple[float, float]:
     """Return bounds of the largest frequency [rad/s] and rate of damping [1/s], by the force -a M v, too."""
-    body, links = system.body, system.links
-    return math.sqrt(network_bound(body, links.stiffness)), drag + network_bound(body, rates_of(links))
+    links = loop.links
+    return math.sqrt(network_bound(loop, links.stiffness)), loop.load.drag + network_bound(
+        loop, rates_of(links)
+    )

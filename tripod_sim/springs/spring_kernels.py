@@ -1,5 +1,6 @@
 """Compiled loops over springs: energy, forces, tangents. With d = x_j - x_i, l = |d|, n = d / l (zero where l is)."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,20 @@ def links_of(
     if not slack:
         c, viscosity = c + viscosity * k, 0.0
     return Links(e, r, k, c, bool(slack), float(viscosity))
+
+
+def nets_of(springs: Sequence[Links]) -> tuple[Links, Links]:
+    """Return all springs that push as one net, and all that only pull."""
+    nets = []
+    for slack in (False, True):
+        own = [net for net in springs if bool(net.slack) == slack]
+        ends = np.concatenate([*(net.ends for net in own), np.zeros((0, 2), dtype=np.int64)])
+        rest, stiffness, damping = (
+            np.concatenate([*(net[k] for net in own), np.zeros(0)]) for k in (1, 2, 3)
+        )
+        viscosity = max((net.viscosity for net in own), default=0.0)  # the scene has one for all
+        nets.append(Links(ends, rest, stiffness, damping, slack, viscosity))
+    return nets[0], nets[1]
 
 
 def rates_of(links: Links) -> Array:
@@ -155,6 +170,28 @@ def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array
         total += energy
         add_pair(g, j, i, tension * n0, tension * n1, tension * n2)
     return total
+
+
+@njit(cache=True, error_model="numpy")
+def add_gradients(
+    x: Array, links: Links, rate: float, reference: Array, g: Array, d: Array
+) -> tuple[float, float]:
+    """Add to `g` [N] what `add_gradient` adds without dampers, to `d` what these add; return both energies [J]."""
+    stored = lost = 0.0
+    for m in range(links.ends.shape[0]):
+        i, j = links.ends[m, 0], links.ends[m, 1]
+        length, n0, n1, n2 = direction(x, i, j)
+        rest, k, c = links.rest[m], links.stiffness[m], rate * links.damping[m]
+        energy, _, tension = stage_tension(
+            length, rest, k, c, rate * links.viscosity * k, reference[m], links.slack
+        )
+        stretch, _, elastic = tension_of(length, rest, k, links.slack)
+        own = 0.5 * elastic * stretch
+        stored, lost = stored + own, lost + (energy - own)
+        tension -= elastic
+        add_pair(g, j, i, elastic * n0, elastic * n1, elastic * n2)
+        add_pair(d, j, i, tension * n0, tension * n1, tension * n2)
+    return stored, lost
 
 
 @njit(cache=True, error_model="numpy")

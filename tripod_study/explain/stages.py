@@ -8,7 +8,7 @@ from tripod_study.explain.stopwatch import Stopwatch
 OTHER = "other"
 
 LOOP = "compiled loop"
-"""Of springs: all stages of a step, or of many, in one compiled function."""
+"""Of explicit schemes of springs: all stages of a step, or of many, in one compiled function."""
 
 ELASTIC, ASSEMBLY, REDUCTION = "elastic forces", "Hessian assembly", "reduction"
 FACTORISATION, SOLUTION = "factorisation", "back-substitution"
@@ -33,8 +33,7 @@ CORE: dict[str, dict[str, str]] = {
     "integrators.stage.ImplicitStage": {"read": SCHEME, "solve": SCHEME},
     "integrators.substeps.Substeps": {"step": SCHEME},
     "integrators.explicit.ExplicitSteps": {"step": SCHEME, "_energy": "watch over the energy"},
-    "springs.stage.SpringNewton": {"solve_stage": LOOP},
-    "springs.implicit.StaticSprings": {"step": LOOP},
+    "integrators.static_descent.StaticDescent": {"advance": ITERATION},
     "springs.automatic.AutomaticSprings": {"step": LOOP},
     "springs.explicit.ExplicitSprings": {"step": LOOP},
 }

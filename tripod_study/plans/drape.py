@@ -10,10 +10,12 @@ import numpy as np
 
 from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
+from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import StepError
+from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
-from tripod_sim.springs.spring_build import spring_body, surface_part
+from tripod_sim.springs.net import spring_net
 from tripod_study import report as table
 from tripod_study.motion import motion, nodes, scene_of
 from tripod_study.plan import NODES, Plan, Quantity, Settings, always, grid, points_of
@@ -41,6 +43,15 @@ def near(settings: Settings, distance: float) -> dict[str, str | float | int | b
 RUNGS = [{**near(DEFAULT, 5e-4), "dt": dt} for dt in (0.001, 0.0005)]
 QUICK_RUNGS = [{**DEFAULT, "dt": dt} for dt in (0.01, 0.005)]
 """The reference, multipliers, small steps, a small distance; and one that takes seconds."""
+
+
+def crossings_of(scene: Scene) -> Crossings:
+    """Return what finds where the springs of a scene, which have triangles, pass through its obstacles."""
+    assert scene.springs
+    assert scene.contact
+    net, none = spring_net(scene.springs), np.zeros((0, 2), dtype=np.int64)
+    part = Part(net.nodes, net.triangles, none, self_contact=scene.contact.self_contact)
+    return Crossings(part, obstacle_parts(scene))
 
 
 def plan(*, quick: bool) -> Plan:
@@ -201,8 +212,8 @@ def measure(
     simulation = Simulation(scene)
     assert scene.contact
     assert scene.springs
-    body = spring_body(scene, scene.springs)
-    watch = Crossings(surface_part(body, scene.contact), obstacle_parts(scene))
+    body = spring_net(scene.springs)
+    watch = crossings_of(scene)
     simulation.state.velocities[:, 2] -= speed
     first, start, scale = simulation.positions.copy(), _energy(simulation), mass * (g * SIZE + 0.5 * speed**2)
     sunk, cut, reach, longest, still, parts = 0.0, 0.0, 0.0, 0.0, 0, 0
