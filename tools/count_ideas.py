@@ -135,13 +135,13 @@ def scheme_names(found: Trees) -> list[str]:
 
 
 IDEAS = {
-    "systems": Idea(1, 3, systems),
-    "descents": Idea(1, 4, descents),
+    "systems": Idea(1, 2, systems),
+    "descents": Idea(1, 3, descents),
     "roll-backs": Idea(1, 5, roll_backs),
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 5, circles),
     "types": Idea(0, 15, types),
-    "scheme names": Idea(0, 9, scheme_names),
+    "scheme names": Idea(0, 10, scheme_names),
 }
 
 
