@@ -211,6 +211,6 @@ def test_absent_it_is_not_imported() -> None:
         "s = Simulation(load_scene('pendulum', ['inertia.scheme=rk4'])); s.step();"
         "assert not {m for m in sys.modules if m.startswith('tripod_sim.springs.automatic')};"
         "s = Simulation(load_scene('pendulum', ['dt=auto'])); s.step();"
-        "assert 'tripod_sim.integrators.schemes' not in sys.modules"
+        "assert 'tripod_sim.integrators.stage' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
