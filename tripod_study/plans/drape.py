@@ -10,8 +10,8 @@ import numpy as np
 
 from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
-from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import StepError
+from tripod_sim.mesh.surfaces import Part
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
