@@ -12,7 +12,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.state import State
 
-MOST_FAILED = 3
+MOST_FAILED = 8
 """Substeps that fail may take together so many times the linear solves after which one is given up: substeps that can
 be saved fail at once, where an element turns inside out, and others go on failing however short they are."""
 

@@ -18,7 +18,7 @@ class Solver:
             tangent of the moment.
         position_tolerance: How far any node of a solid may be from the solution of its step [m], in proportion less for
             steps below 5 ms; see `mode`.
-        max_iterations: Before a step is rolled back and halved; after three times as many in parts that fail the
+        max_iterations: Before a step is rolled back and halved; after eight times as many in parts that fail the
             simulation gives up.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].
