@@ -61,8 +61,6 @@ UPWARD = {
     "mesh -> forces": 1,
     "response -> contact": 1,
     "robot -> effects": 1,
-    "springs -> contact": 3,
-    "springs -> steps": 3,
     "state -> integrators": 1,
     "steps -> contact": 1,
 }
