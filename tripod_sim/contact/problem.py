@@ -13,6 +13,7 @@ from tripod_sim.contact import response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.joint_hessian import JointHessian
+from tripod_sim.integrators.minimise import Descent, minimise
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.system_kernels import dot
 
@@ -34,7 +35,7 @@ class Effort:
     factorisations: int = 0
 
 
-class StepProblem:
+class StepProblem(Descent):
     """Sum of the bodies' potentials and of their contacts' (see `response_kernels`).
 
     The Hessian is factored with the contacts in it (`JointHessian`), or, for few contacts, without them.
@@ -52,12 +53,18 @@ class StepProblem:
         balance: Which of these is small enough [N]: any, where bodies move on; see `statics`.
     """
 
-    TRIES, PAST, CHORD = 20, 0.3, 0.3
-    """Shares of a step that are tried; slope at its end over that at its start; and how much shorter than the one
-    before a step is for the factorisation to serve on."""
+    CHORD = 0.3
+    """How much shorter than the one before a step is for the factorisation to serve on."""
 
-    NOTHING = 1e-4
-    """Share of the rounding of the potential below which its fall along a step is nothing: slopes are rounding, too."""
+    _u: FloatArray
+    _tolerance: float
+    _left: int
+    _size: float
+    _previous: float
+    _fresh: bool
+    _near: bool
+    """Of a descent: its point; largest move of a last step [m]; linear solves left; largest move of the last step and
+    of that before [m]; whether its Hessian was that of its point; whether it was small enough."""
 
     def __init__(self, bodies: list[Body], contacts: ContactSet) -> None:
         self._bodies, self._contacts = bodies, contacts
@@ -192,22 +199,7 @@ class StepProblem:
         self.unbalanced = float(np.abs(r / self.reach).max(initial=0.0))
         return self.unbalanced <= self.balance
 
-    def _factor(self, u: FloatArray) -> None:
-        """Factor with the contacts at `u`."""
-        self.effort.factorisations += 1
-        self.serves = self.serves and self.lasting
-        self._factored = self._fits(lambda: self._joint.factor(self._contacts, u), u)
-        if not self._factored:
-            raise DescentError(
-                "the stiffness matrix is singular or not finite; is a part of the body held by nothing?"
-            )
-
-    def _solve(self, r: FloatArray) -> FloatArray:
-        """Return H^-1 r."""
-        self.effort.iterations += 1
-        return self._joint.linear.solve(r)
-
-    def descend(self, u: FloatArray, tolerance: float, most: int) -> float:
+    def solve(self, u: FloatArray, tolerance: float, most: int) -> float:
         """Move `u` to the minimum for the contacts' present multipliers, in place.
 
         Args:
@@ -221,79 +213,107 @@ class StepProblem:
         Raises:
             DescentError: no lower potential was found.
         """
-        r, way = self._r, u[self.given]
+        way = u[self.given]
         for part in (1.0, 0.5, 0.5, 0.5, 0.0):  # moves without forces may turn elements inside out
             u *= part
             u[self.given] = way
-            if np.isfinite(phi := self._evaluate(u, r)):
+            if np.isfinite(phi := self._evaluate(u, self._r)):
                 break
         else:
             raise DescentError(
                 "the step begins in a state without energy: a number is not finite, or an element has no "
                 "equilibrium inside; take a smaller dt or another mesh.element"
             )
-        fresh, size, previous = False, np.inf, np.inf
-        enough = tolerance * (
-            0.01 if self.lasting else 0.1
-        )  # a Hessian of another pose shows less of what is left
-        for _ in range(most):
-            if not self._factored:
-                fresh = not self.serves
-                self._factor(u)
-            p = self._solve(r)
-            size = float(np.abs(p).max(initial=0.0))  # NaN, if p is
-            scale = 0.0
-            if fresh or size <= self.CHORD * previous:
-                scale, phi = self._search(u, p, phi)
-            if not scale and fresh:
-                if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
-                    break
-                raise DescentError(
-                    f"the energy falls along no direction, at a step of {size:.3g} m; take a smaller dt"
-                )
-            # of its error a step leaves what the one before did
-            near = (
-                scale == 1.0
-                and size <= tolerance
-                and (fresh or size * min(size, previous) <= enough * previous)
+        self.phi, self._u, self._tolerance, self._left = phi, u, tolerance, most
+        self._size = self._previous = np.inf
+        self._fresh = self._near = False
+        minimise(self)
+        return self._size
+
+    def ends(self) -> bool:
+        """Return whether the last step was small enough, or as many as are allowed have been made."""
+        if self._near and self.balanced(self._r):
+            return True
+        if self._left <= 0:
+            self.balanced(self._r)
+            return True
+        return False
+
+    def holds(self) -> bool:
+        """Return whether a factorisation serves: that at hand, or one with the bodies' Hessian at hand."""
+        if not self._factored and self.serves:
+            self._factor(self._u)
+        return self._factored
+
+    def factor(self) -> None:
+        """Factor with the contacts at the point, the bodies' Hessian renewed."""
+        self.serves = False
+        self._factor(self._u)
+        self._fresh = True
+
+    def _factor(self, u: FloatArray) -> None:
+        """Factor with the contacts at `u`."""
+        self.effort.factorisations += 1
+        self.serves = self.serves and self.lasting
+        self._fresh = not self.serves
+        self._factored = self._fits(lambda: self._joint.factor(self._contacts, u), u)
+        if not self._factored:
+            raise DescentError(
+                "the stiffness matrix is singular or not finite; is a part of the body held by nothing?"
             )
-            if near and self.balanced(r):
-                return size
-            if scale < 1.0:  # chord steps while they converge fast
-                self._factored = self.serves = False
-            previous, fresh = size, False
-        self.balanced(r)
-        return size
 
-    def _search(self, u: FloatArray, p: FloatArray, phi: float) -> tuple[float, float]:
-        """Move `u`, of the potential `phi` and the gradient in `_r`, along -p to about the minimum there.
+    def propose(self) -> FloatArray:
+        """Return H^-1 r."""
+        self.effort.iterations += 1
+        self._left -= 1
+        p = self._joint.linear.solve(self._r)
+        self._previous, self._size = self._size, float(np.abs(p).max(initial=0.0))  # NaN, if p is
+        return p
 
-        Where the full step goes too far, the slopes on both sides of the minimum tell where it is, for between them the
-        potential is nearly a parabola, or two.
+    def walk(self, p: FloatArray, share: float) -> float:
+        """Write the trial moves, and the gradient there."""
+        np.multiply(p, -share, out=self._trial)
+        self._trial += self._u
+        return self._evaluate(self._trial, self._next)
 
-        Returns:
-            The share of p, 0 where none is lower, and the potential there, its gradient in `_r`.
-        """
-        r, trial, after = self._r, self._trial, self._next
-        slope, rounding = dot(r, p), 1e-12 * max(abs(phi), 1e-9)
-        scale, low, falls = 1.0, 0.0, slope
-        for tries in range(self.TRIES):
-            np.multiply(p, -scale, out=trial)
-            trial += u
-            lower = self._evaluate(trial, after)
-            there = dot(after, p) if np.isfinite(lower) else -np.inf
-            lowers = lower <= phi - 1e-4 * scale * slope + rounding
-            level = -self.PAST * slope <= there <= self.PAST * slope or slope <= self.NOTHING * rounding
-            if lowers and (level or (not tries and there > 0.0) or tries > 4):
-                u[:], r[:] = trial, after
-                return scale, lower
-            if lowers and there > 0.0:
-                low, falls = scale, there
-            else:
-                high, rises = scale, -there
-            share = falls / (falls + rises) if 0.0 < rises < np.inf else 0.3
-            scale = low + (high - low) * min(max(share, 0.1), 0.9)
-        return 0.0, phi
+    def slope(self, p: FloatArray, *, trial: bool) -> float:
+        """Return r . p."""
+        return dot(self._next if trial else self._r, p)
+
+    def left(self) -> float:
+        """Return that the force says nothing: that of contacts jumps."""
+        return np.inf
+
+    def converges(self) -> bool:
+        """Return whether steps become shorter fast enough."""
+        return self._fresh or self._size <= self.CHORD * self._previous
+
+    def slack(self) -> float:
+        """Return the rounding of the potential [J]."""
+        return 1e-12 * max(abs(self.phi), 1e-9)
+
+    def take(self, phi: float, share: float) -> None:
+        """Let the trial moves be the point."""
+        self._u[:], self._r[:], self.phi = self._trial, self._next, phi
+        size, previous = self._size, self._previous
+        # of its error a step leaves what the one before did; a Hessian of another pose shows less of it
+        enough = self._tolerance * (0.01 if self.lasting else 0.1)
+        small = self._fresh or size * min(size, previous) <= enough * previous
+        self._near = share == 1.0 and size <= self._tolerance and small
+        if share < 1.0:
+            self._factored = self.serves = False
+        self._fresh = False
+
+    def rests(self, *, fresh: bool) -> bool:
+        """Return whether rounding of the potential hides the descent."""
+        if not fresh:
+            return False
+        if self._size > 1e3 * self._tolerance:
+            raise DescentError(
+                f"the energy falls along no direction, at a step of {self._size:.3g} m; take a smaller dt"
+            )
+        self.balanced(self._r)
+        return True
 
 
 def _join(patterns: list[Any]) -> Any:

@@ -141,7 +141,7 @@ class Response:
             # no more exact than the multipliers are: Newton's last steps are wasted on a wrong potential
             tolerance = 0.1 * max(aim, error)
             before = self._problem.effort.iterations
-            size = self._problem.descend(u, tolerance, few)
+            size = self._problem.solve(u, tolerance, few)
             spent += self._problem.effort.iterations - before
             gap, slip, outcome.smallest = self._forces(u)
             outcome.rounds += 1
@@ -187,7 +187,7 @@ class Response:
         kernels.set_limits(c.arrays, c.count, law.friction)
         pressure[: c.count] = 0.0
         while True:
-            size = self._problem.descend(u, tolerance, 60)
+            size = self._problem.solve(u, tolerance, 60)
             _, _, outcome.smallest = self._forces(u)
             outcome.rounds += 1
             found = self._pressure[: c.count]

@@ -1,9 +1,8 @@
-"""Newton's method with line search on the potential of one step.
+"""Newton's method on the potential of one step of a system (see `minimise`).
 
-Every step goes down: the Hessian is made positive definite (first as it is; if it is not, with each point's tangent
-projected; at last with a shift), and a step is shortened until the potential falls [NocedalWright2006, chapter 3].
-A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next, and renewed
-where it does not. Where the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
+The Hessian is made positive definite: first as it is; if it is not, with each point's tangent projected; at last with a
+shift. A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next. Where
+the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
 """
 
 import math
@@ -14,6 +13,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import UnsolvedError
+from tripod_sim.integrators.minimise import Descent, minimise
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -63,7 +63,7 @@ class NewtonReport:
     parts: int = 1
 
 
-class Newton:
+class Newton(Descent):
     """Moves a state to the minimum of its system's potential, with scratch of its own.
 
     Attributes:
@@ -74,10 +74,17 @@ class Newton:
         bound: Inequality that solves keep within; None without one.
         indefinite: Whether the tangent factored last had to be changed to be positive definite.
         spent: Linear solves so far, those of solves that failed among them.
+        phi: See `Descent`; the point and the trial point are states.
     """
 
-    SHORTEST = 1e-4
-    """Smallest fraction of a Newton step that is tried."""
+    _state: State
+    _trial: State
+    _report: NewtonReport
+    _is_at_trial: bool
+    """Whether the system was evaluated last at the trial state, else at the point."""
+    _size: float
+    _before: float
+    """Residual at the point, and a step earlier, 0 if there was none [N]."""
 
     FEW = 3
     """A factorisation that needed at most so many linear solves is kept for the next solve: one more chord step costs a
@@ -93,8 +100,8 @@ class Newton:
         """
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
         self.bound: StrainBound | None = None
-        self._dx = np.zeros_like(system.rest)
-        self._trial: State | None = None
+        self._dx, self._step = np.zeros_like(system.rest), np.zeros(system.unknowns)
+        self._scratch: State | None = None
         self._kept: float | None = None
         self._ahead: float | None = None
         self.store: FactorStore | None = None
@@ -153,20 +160,19 @@ class Newton:
         Raises:
             NewtonError: an element turned inside out, or no convergence; `state` is then in between.
         """
-        if self._trial is None:
-            self._trial = state.copy()
-            self._trial.errors = self._trial.way = self._trial.ball = self._trial.servos = (
-                None  # no part of a trial
-            )
-        trial, report, linear_spent = self._trial, NewtonReport(), self._linear_spent
+        if self._scratch is None:
+            self._scratch = trial = state.copy()
+            trial.errors = trial.way = trial.ball = trial.servos = None  # no part of a trial
+        trial, report, linear_spent = self._scratch, NewtonReport(), self._linear_spent
+        self._state, self._trial, self._report, self._is_at_trial = state, trial, report, False
         state.copy_to(trial)
         self._dx[:] = 0.0
         kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
         ahead = not kept and keep is not None and keep == self._ahead and self.system.knows(state)
         self._kept = self._ahead = None
         at_hand = kept or ahead or factored
-        phi = self.system.evaluate(state) if at_hand else self._renew(state, report)
-        if not math.isfinite(phi):
+        self.phi = self.system.evaluate(state) if at_hand else self._renew(state, report)
+        if not math.isfinite(self.phi):
             raise NewtonError(f"{self._culprit(state)} at the start of the step")
         report.factorisations += ahead or factored
         self.indefinite &= not factored
@@ -174,13 +180,12 @@ class Newton:
         if driven:
             self.system.drive(trial, joints)
             self._add_drive(state, trial)
-        size = self.system.unbalanced()
+        self._size, self._before = self.system.unbalanced(), 0.0
         self._begin(keep)
-        before = 0.0
         if driven:
-            before, phi = size, self._drive(state, trial, report)
-            size = self.system.unbalanced()
-        self._descend(state, trial, phi, size, report, before)
+            self._drive()
+        minimise(self)
+        report.residual = self._size
         report.linear_iterations = self._linear_spent - linear_spent
         if self._serves(report):
             self._kept = keep
@@ -205,81 +210,99 @@ class Newton:
         write_moves(self.system.driven, state.positions, trial.positions, self._dx)
         self.system.add_driven(self._dx)
 
-    def _drive(self, state: State, trial: State, report: NewtonReport) -> float:
-        """Make the step that moves the driven nodes; return the potential after it."""
-        phi = self._step(state, trial, report)
+    def _drive(self) -> None:
+        """Make the step that moves the driven nodes."""
+        phi = self.walk(self.propose(), 1.0)
         if not math.isfinite(phi):
-            raise NewtonError(f"{self._culprit(trial)} while the servos moved it")
-        trial.copy_to(state)
+            raise NewtonError(f"{self._culprit(self._trial)} while the servos moved it")
+        self.take(phi, 1.0)
         self._dx[:] = 0.0
-        return phi
 
-    def _descend(
-        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, before: float
-    ) -> None:  # fmt: skip
-        """Iterate from an evaluated `state` until its residual, now `size` [N], is below the tolerance, or it is near.
+    def ends(self) -> bool:
+        """Return whether the residual is below the tolerance, or the point is near."""
+        if self._size <= self.tolerance or self._ends():  # NaN is unsolved
+            return True
+        if self._report.iterations >= self.max_iterations:
+            raise NewtonError(
+                f"unbalanced force {self._size:.3g} N above {self.tolerance:g} N after {self._report.iterations} "
+                f"iterations, largest at {self._largest()}",
+                self._rounding()
+                or f"solver.max_iterations is {self.max_iterations}; a smaller dt or a slower motion may help",
+            )
+        return False
 
-        `before`: the residual a step earlier [N], 0 if there was none.
-        """
+    def holds(self) -> bool:
+        """Return whether the factorisation at hand is worth a chord step."""
+        return not (self._renews_always and self._report.iterations)
+
+    def factor(self) -> None:
+        """Assemble and factor, positive definite; leave gradient and residual of the point."""
+        self.phi = self._renew(self._state, self._report)
+        self._size, self._is_at_trial = self.system.unbalanced(), False
+
+    def propose(self) -> FloatArray:
+        """Return the step to make."""
+        self._report.iterations += 1
+        self.spent += 1
+        return self._proposed()
+
+    def walk(self, p: FloatArray, share: float) -> float:
+        """Write the trial state, and gradient and residual there."""
         system = self.system
-        renews = self._renews_always
-        while not (
-            size <= self.tolerance or self._ends(state, trial, size, before, report)
-        ):  # NaN is unsolved
-            if report.iterations >= self.max_iterations:
-                raise NewtonError(
-                    f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
-                    f"largest at {self._largest()}",
-                    self._rounding()
-                    or f"solver.max_iterations is {self.max_iterations}; a smaller dt or a slower motion may help",
-                )
-            before, lower = size, np.inf
-            if not (renews and report.iterations):
-                lower = self._step(state, trial, report)  # chord: with the factorisation at hand
-                size = system.unbalanced() if math.isfinite(lower) else np.inf
-            if not (self._converges(size, before) and lower <= phi + self._slack(phi)):
-                if before <= self.tolerance + system.rounding(state):  # no step leaves less
-                    size = before
-                    system.evaluate(state)
-                    break
-                lower = self._newton_step(state, trial, report)
-                size = system.unbalanced()
-            phi = lower
-            trial.copy_to(state)
-        report.residual = size
+        if self._is_at_trial:
+            system.evaluate(self._state)
+        np.negative(p, out=self._step)
+        system.reduction.moves(self._step, system.lever, self._dx)
+        if self.near:
+            self._moved = largest(self._dx)
+        system.move(self._state, self._step, self._dx, share, self._trial)
+        self._is_at_trial = True
+        return system.evaluate(self._trial)
 
-    def _ends(self, state: State, trial: State, size: float, before: float, report: NewtonReport) -> bool:
-        """Return whether the solution is within `near`, a step having changed `before` [N] to `size` [N]."""
+    def slope(self, p: FloatArray, *, trial: bool) -> float:
+        """Return residual . p, of the state that was evaluated last."""
+        return dot(self.system.residual, p)
+
+    def left(self) -> float:
+        """Return the residual of the trial state over that of the point."""
+        return self.system.unbalanced() / self._size
+
+    def converges(self) -> bool:
+        """Return whether chord steps are worth going on."""
+        return self._converges(self.system.unbalanced(), self._size)
+
+    def slack(self) -> float:
+        """Rounding of the potential [J]."""
+        return 1e-12 * max(abs(self.phi), 1e-6)
+
+    def take(self, phi: float, share: float) -> None:
+        """Let the trial state be the point."""
+        self._trial.copy_to(self._state)
+        self.phi, self._before, self._size = phi, self._size, self.system.unbalanced()
+        self._is_at_trial = False
+
+    def rests(self, *, fresh: bool) -> bool:
+        """Return whether rounding of positions alone is left of the residual."""
+        if fresh:
+            rounding = self._rounding()
+            where = "" if rounding else f"; {self._culprit(self._trial)}"
+            raise NewtonError(
+                f"the energy falls along no direction, at an unbalanced force of {self._size:.3g} N{where}",
+                rounding,
+            )
+        rests = self._size <= self.tolerance + self.system.rounding(self._state)  # no step leaves less
+        if rests:
+            self.system.evaluate(self._state)
+        return rests
+
+    def _ends(self) -> bool:
+        """Return whether the solution is within `near`, a step having changed `_before` [N] to `_size` [N]."""
+        size, before = self._size, self._before
         return self.near > 0 and size < 0.5 * before and self._moved * size <= self.near * (before - size)
 
     def _converges(self, size: float, before: float) -> bool:
         """Return whether steps with a kept factorisation, the last from `before` to `size` [N], are worth going on."""
         return size < 0.5 * before
-
-    def _newton_step(self, state: State, trial: State, report: NewtonReport) -> float:
-        """Renew the Hessian at `state`, write a lower state to `trial` and return its potential."""
-        system = self.system
-        phi = self._renew(state, report)
-        before = system.unbalanced()
-        solution = self._proposed()
-        report.iterations += 1
-        self.spent += 1
-        slope = dot(system.residual, solution)
-        np.negative(solution, out=solution)
-        scale = 1.0
-        while scale >= self.SHORTEST:
-            trial_phi = self._walk(state, trial, solution, scale)
-            if trial_phi <= phi - 1e-4 * scale * slope + self._slack(phi) or (
-                math.isfinite(trial_phi) and system.unbalanced() < 0.1 * before
-            ):
-                return trial_phi
-            scale *= 0.5
-            system.evaluate(state)
-        rounding = self._rounding()
-        where = "" if rounding else f"; {self._culprit(trial)}"
-        raise NewtonError(
-            f"the energy falls along no direction, at an unbalanced force of {before:.3g} N{where}", rounding
-        )
 
     def _renew(self, state: State, report: NewtonReport) -> float:
         """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""
@@ -303,23 +326,6 @@ class Newton:
             shift *= 100
         raise NewtonError("the stiffness matrix is singular: is a part of the body held by nothing?")
 
-    def _step(self, state: State, trial: State, report: NewtonReport) -> float:
-        """Solve for a step from the evaluated `state`, write it to `trial`, return Phi there."""
-        report.iterations += 1
-        self.spent += 1
-        solution = self._proposed()
-        np.negative(solution, out=solution)
-        return self._walk(state, trial, solution, 1.0)
-
-    def _walk(self, state: State, trial: State, solution: FloatArray, scale: float) -> float:
-        """Write `scale` of the step `solution` from the evaluated `state` to `trial`, return Phi there."""
-        system = self.system
-        system.reduction.moves(solution, system.lever, self._dx)
-        if self.near:
-            self._moved = largest(self._dx)
-        system.move(state, solution, self._dx, scale, trial)
-        return system.evaluate(trial)
-
     def _proposed(self) -> FloatArray:
         """Return the step to make, with its sign turned, shape (unknowns,): an array of the caller's own."""
         return self._solve()
@@ -333,10 +339,6 @@ class Newton:
             return solution
         except LinearError as error:
             raise NewtonError(str(error)) from error
-
-    def _slack(self, phi: float) -> float:
-        """Rounding of the potential [J]."""
-        return 1e-12 * max(abs(phi), 1e-6)
 
     def _rounding(self) -> str:
         """Return in words whether the last step was one of rounding, so that no solve leaves less; empty if not."""

@@ -14,14 +14,24 @@ class OneNewtonStep(Newton):
         """Return that the next solve renews the factorisation."""
         return False
 
-    def _descend(
-        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, before: float
-    ) -> None:  # fmt: skip
-        """Make one step from an evaluated `state`; go on as `Newton` where that does not go down."""
-        if size > self.tolerance:
-            if self._step(state, trial, report) <= phi + self._slack(phi):
-                trial.copy_to(state)
-                report.residual = self.system.unbalanced()
-                return
-            self.system.evaluate(state)
-        super()._descend(state, trial, phi, size, report, before)
+    def _begin(self, length: float | None) -> None:
+        """Begin with one step."""
+        self._is_one, self._done = True, False
+
+    def _renew(self, state: State, report: NewtonReport) -> float:
+        """As `Newton`, of which all further steps are."""
+        self._is_one = False
+        return super()._renew(state, report)
+
+    def _converges(self, size: float, before: float) -> bool:
+        """Return True for the first step, which need not."""
+        return self._is_one or super()._converges(size, before)
+
+    def take(self, phi: float, share: float) -> None:
+        """Take the step, which is enough if it is the first."""
+        super().take(phi, share)
+        self._done = self._is_one
+
+    def _ends(self) -> bool:
+        """Return whether the one step has been made."""
+        return self._done or super()._ends()

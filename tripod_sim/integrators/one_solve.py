@@ -108,11 +108,11 @@ class OneSolve(Newton):
             solution += self._forecast
         return solution
 
-    def _ends(self, state: State, trial: State, size: float, before: float, report: NewtonReport) -> bool:
+    def _ends(self) -> bool:
         """Correct a state that is then near enough, and return True; else keep the correction for the next step."""
         if not self._steps:
             return False
-        system, missed = self.system, self._missed
+        system, missed, size, before = self.system, self._missed, self._size, self._before
         correction = self._correct() if self._correction is None else self._correction
         far = self._far
         trusted = size < self.TRUSTED * before or (self._is_small() and far < self.TRUSTED * self._moved)
@@ -130,10 +130,10 @@ class OneSolve(Newton):
         left = max(left, far)
         if not (trusted and left < self.TRUSTED * self._moved and left * far <= self.near * self._moved):
             return False
-        report.iterations += 1
+        self._report.iterations += 1
         np.negative(correction, out=correction)
         np.negative(missed, out=missed)
-        system.move(state, correction, missed, 1.0, trial)
-        system.settle(trial, correction, missed)
-        trial.copy_to(state)
+        system.move(self._state, correction, missed, 1.0, self._trial)
+        system.settle(self._trial, correction, missed)
+        self._trial.copy_to(self._state)
         return True

@@ -79,9 +79,9 @@ class BoundedNewton(Newton):
         self._noise = self.bound.rounding(state.positions)
         self.tolerance = max(self._asked, self._noise[0])
 
-    def _slack(self, phi: float) -> float:
+    def slack(self) -> float:
         """Rounding of the potential [J], that of the tensions too."""
-        return super()._slack(phi) + self._noise[1]
+        return super().slack() + self._noise[1]
 
 
 class StrainLimited:

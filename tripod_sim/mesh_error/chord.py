@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.newton import Newton, NewtonReport
+from tripod_sim.integrators.newton import Newton
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.state import State
@@ -95,9 +95,9 @@ class ChordNewton(Newton):
     def _converges(self, size: float, before: float) -> bool:
         return size < SLOWLY * before
 
-    def _ends(self, state: State, trial: State, size: float, before: float, report: NewtonReport) -> bool:
-        last, self._centre = self._centre, state.centres[0].copy()
+    def _ends(self) -> bool:
+        last, self._centre = self._centre, self._state.centres[0].copy()
         if self.amiss is None:
-            return super()._ends(state, trial, size, before, report)
+            return super()._ends()
         told, change = np.linalg.norm(self._centre - self.amiss), np.linalg.norm(self._centre - last)
-        return bool(size < SLOWLY * before and change <= NEAR + PART * told)
+        return bool(self._size < SLOWLY * self._before and change <= NEAR + PART * told)
