@@ -136,7 +136,7 @@ def scheme_names(found: Trees) -> list[str]:
 
 IDEAS = {
     "systems": Idea(1, 2, systems),
-    "descents": Idea(1, 3, descents),
+    "descents": Idea(1, 2, descents),
     "roll-backs": Idea(1, 5, roll_backs),
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 5, circles),

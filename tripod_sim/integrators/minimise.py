@@ -71,9 +71,9 @@ class Descent(ABC):
 
     @abstractmethod
     def rests(self, *, fresh: bool) -> bool:
-        """Return whether rounding alone keeps the point from the minimum, a step from it having failed.
+        """Return whether rounding alone keeps the point from the minimum.
 
-        `fresh`: whether the step was one with the Hessian of the point. Then this raises where it is not so.
+        `fresh`: whether a step with the Hessian of the point has failed; then this raises where it is not so.
         """
 
 
@@ -85,8 +85,8 @@ def minimise(descent: Descent) -> None:
             if np.isfinite(phi) and descent.converges() and phi <= descent.phi + descent.slack():
                 descent.take(phi, 1.0)
                 continue
-            if descent.rests(fresh=False):
-                return
+        if descent.rests(fresh=False):
+            return
         descent.factor()
         share, phi = search(descent, descent.propose())
         if share:
