@@ -30,7 +30,7 @@ from benchmarks.doc_parts import write_part
 from tripod_identify.errors import FitError
 from tripod_identify.fit import Fit, Prior, fit
 from tripod_identify.identify import Wanted, identify
-from tripod_identify.left_over import what_is_left
+from tripod_identify.lack_of_fit import what_is_left
 from tripod_identify.measured import Measured, read_csv
 from tripod_identify.model import plainly, predict
 from tripod_identify.observe import Point, sources_of

@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script,
 from benchmarks.doc_parts import write_part
 from benchmarks.stored_rows import store, stored
 from tripod_host.arrays import FloatArray
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Wanted, identify
 from tripod_identify.measured import Measured

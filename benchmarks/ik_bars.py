@@ -23,9 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.doc_parts import write_part
 from benchmarks.identify import MODEL, TRUTHS, drawn, robot, robots, with_values
-from tripod_identify.bars import POSE, bars_of, linearised
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Identified, Wanted, identify
+from tripod_identify.intervals import POSE, bars_of, linearised
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly, predict
 from tripod_identify.parameters import parameters, told

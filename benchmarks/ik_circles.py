@@ -7,11 +7,11 @@
 
 From a start pose, the flat piece (slide 0), the working pose (slide 35 mm) or between, the quasi-static model follows
 the goals of a horizontal circle about where the effector starts, 12 goals one after the other for as long as it takes,
-2.4 s at most, and the start once more; the tracker asks a pathfinder for the way, one for each slide. For each circle:
+2.4 s at most, and the start once more; the tracker asks a planner for the way, one for each slide. For each circle:
 
 - speed: the largest of the resting effector [m/s]; snaps: moves from one command to the
   next that have no equilibria between them, followed in as little as a 300th of the move;
-- reached: goals reached to 0.1 mm; longest: time to one of these [s], the pathfinder's CPU time with it;
+- reached: goals reached to 0.1 mm; longest: time to one of these [s], the planner's CPU time with it;
 - others: how far from the others the effector stays [mm], at least and at most; limited by: what keeps it there;
   search: how much further at most that is than what an independent search finds [mm]: a flood over all angles, then
   SLSQP from the nearest pose of it (`tests/ik/search.py`), within the same angles, torques and firmness. It is asked
@@ -52,10 +52,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.ik.search import Flood, Limits
 from tripod_graph.names import WORKING_POSE
-from tripod_ik.atlas import Atlas
 from tripod_ik.model import SAME, StaticModel, goes_on, linear_state
-from tripod_ik.pathfinder import Pathfinder, Way
-from tripod_ik.snap import SOFTEST
+from tripod_ik.planner import JointPath, Planner
+from tripod_ik.roadmap import Roadmap
+from tripod_ik.snap_through import SOFTEST
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 from tripod_ik.tracker import SMOOTH, Activity, Tracker
@@ -91,11 +91,11 @@ def model_at(slide: float) -> StaticModel:
 
 
 class Timed:
-    """A pathfinder, and the CPU time of its answers [s]."""
+    """A planner, and the CPU time of its answers [s]."""
 
     def __init__(self, slide: float) -> None:
         """`slide`: [m]."""
-        self.finder = Pathfinder(Atlas.of(load_scene("tripod", [MESH]), slide), *Tracker(SETTINGS).reach)
+        self.finder = Planner(Roadmap.of(load_scene("tripod", [MESH]), slide), *Tracker(SETTINGS).reach)
         begin = time.thread_time()
         self.finder.prepare()
         print(
@@ -105,7 +105,7 @@ class Timed:
 
     def __call__(
         self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
-    ) -> Way | None:
+    ) -> JointPath | None:
         """Return the way, as a tracker asks for it."""
         begin = time.thread_time()
         way = self.finder.way(state, tasks, trail)
@@ -294,7 +294,7 @@ def moving(slide: float, guide: Timed, radius: float, height: float) -> list[tup
 
 
 class Slide:
-    """All of one slide: model, pathfinder and search, each made when it is needed."""
+    """All of one slide: model, planner and search, each made when it is needed."""
 
     def __init__(self, slide: float, kept: Kept) -> None:
         """`slide`: [mm]."""
@@ -305,7 +305,7 @@ class Slide:
 
     @property
     def guide(self) -> Timed:
-        """The pathfinder."""
+        """The planner."""
         if self._guide is None:
             self._guide = Timed(self._slide)
         return self._guide

@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
 from benchmarks.doc_parts import write_part
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.fit import fit
 from tripod_identify.identify import Wanted, beginning, identify
 from tripod_identify.measured import Measured, read_csv

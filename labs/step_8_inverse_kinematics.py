@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from show import cost, timed
 
-from tripod_ik.once import solve_once
+from tripod_ik.solve_once import solve_once
 from tripod_play.solve import solve
 from tripod_sim import Simulation, load_scene
 

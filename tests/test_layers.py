@@ -37,7 +37,7 @@ ROS_EDGE = {
         "goal_request",
         "limits",
         "parameters",
-        "presence",
+        "liveliness",
         "qos",
         "executor",
         "run",

@@ -4,7 +4,7 @@ from rclpy.clock import Clock, ClockType
 
 from tripod_bringup.bag_session import Session
 from tripod_graph import names
-from tripod_graph.presence import publisher_elsewhere
+from tripod_graph.liveliness import publisher_elsewhere
 from tripod_record.errors import RecordError
 from tripod_runtime.node import SimNode
 from tripod_runtime.realtime import Activity

@@ -20,9 +20,9 @@ from tripod_bringup.demo_summary import Measurements
 from tripod_bringup.demo_target import DemoTarget
 from tripod_bringup.watch import IK_STATES, SOLVED
 from tripod_graph import names
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.executor import Patient
-from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision
 from tripod_graph.qos import NEWEST, RELIABLE, SENSOR
 from tripod_graph.source import new_source
@@ -54,8 +54,8 @@ class DemoNode(Node):
         self._joints, self._effector = np.full(1, np.nan), (math.nan,) * 3
         self._robot = np.zeros(0)
         self._stamp_start = 0.0
-        self._mandate = Mandate(new_source("demo", self.get_namespace()))
-        self._speaker = Speaker(self, self._mandate)
+        self._authority = OperatorAuthority(new_source("demo", self.get_namespace()))
+        self._speaker = Speaker(self, self._authority)
         listen(self, self._on_decision)
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
@@ -124,13 +124,15 @@ class DemoNode(Node):
         if action.mode is not None:
             self._speaker.decide(action.mode)
         if action.pose is not None:
-            self._trajectory.publish(trajectory_message(action.pose, action.move_time, self._mandate.source))
+            self._trajectory.publish(
+                trajectory_message(action.pose, action.move_time, self._authority.source)
+            )
         if action.target is not None:
             self._target.publish(target_message(action.target, stamp))
 
     def _on_decision(self, decision: Decision) -> None:
         with suppress(ValueError):  # one that cannot be is reported by those who obey
-            self._mandate.hear(decision, *clocks(self))
+            self._authority.hear(decision, *clocks(self))
 
     def _on_sim_status(self, message: Any) -> None:
         if self._tracking:

@@ -106,7 +106,7 @@ def _unfound(
 
     Returns the exit code; raises as `predict` does, and OSError.
     """
-    from tripod_identify.left_over import what_is_left  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.lack_of_fit import what_is_left  # noqa: PLC0415 - not needed for the help
     from tripod_identify.model import plainly, predict  # noqa: PLC0415
     from tripod_identify.score import score  # noqa: PLC0415
     from tripod_identify.score_report import score_report  # noqa: PLC0415

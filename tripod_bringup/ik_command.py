@@ -60,7 +60,7 @@ def solve_command(
         from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
         from tripod_ik.accuracy import choose_model  # noqa: PLC0415
         from tripod_ik.errors import IkError  # noqa: PLC0415
-        from tripod_ik.once import solve_once  # noqa: PLC0415
+        from tripod_ik.solve_once import solve_once  # noqa: PLC0415
         from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
         from tripod_sim.scene_file import load_scene  # noqa: PLC0415
@@ -114,7 +114,7 @@ def solve_command(
 def expected_error(scene: "Scene", path: Path, result: Mapping[str, Any], slide: float) -> dict[str, Any]:
     """Return what the posterior in a file foretells of the error of a solution, as `expected_error`.
 
-    It has the arrays of `tripod_identify.bars.Bars` for that pose: x, y, z [m] and rotation [rad].
+    It has the arrays of `tripod_identify.intervals.Bars` for that pose: x, y, z [m] and rotation [rad].
 
     Raises:
         DataError: the file, or it does not belong to the scene, or the pose is one that is not reached from rest.
@@ -122,8 +122,8 @@ def expected_error(scene: "Scene", path: Path, result: Mapping[str, Any], slide:
     """
     import numpy as np  # noqa: PLC0415 - not needed for the help
 
-    from tripod_identify.bars import pose_bars, read_posterior  # noqa: PLC0415
     from tripod_identify.errors import DataError  # noqa: PLC0415
+    from tripod_identify.intervals import pose_bars, read_posterior  # noqa: PLC0415
 
     found = pose_bars(scene, read_posterior(path), np.array([result["angles"]]), np.array([slide]))
     apart = float(np.abs(found.poses[0, :3] - result["position"]).max())

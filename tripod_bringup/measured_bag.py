@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_graph import names
 from tripod_host.arrays import FloatArray
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured, checked
 from tripod_record.bag import Bag

@@ -29,7 +29,7 @@ def score_command(
     """Score, print, write and return the exit code: 2 bad input, 1 a pose or motion could not be computed."""
     with loading("tripod identify", shown=not quiet):
         from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
-        from tripod_identify.left_over import what_is_left  # noqa: PLC0415
+        from tripod_identify.lack_of_fit import what_is_left  # noqa: PLC0415
         from tripod_identify.model import plainly, predict  # noqa: PLC0415
         from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
         from tripod_identify.score import score  # noqa: PLC0415

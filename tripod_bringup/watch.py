@@ -15,12 +15,12 @@ from tripod_msgs.msg import IkStatus, RobotStatus, SimStatus
 from tripod_bringup.status_line import ChainStatus
 from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
-from tripod_graph.mandate import Mandate
+from tripod_graph.liveliness import Mix
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.presence import Mix
 from tripod_graph.qos import NEWEST, RELIABLE
 from tripod_graph.source import new_source
 
@@ -59,10 +59,10 @@ class Watch(Node):
         self._mixes = {
             topic: Mix(self, topic) for topic in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS)
         }
-        self._mandate = Mandate(new_source("up", self.get_namespace()))
+        self._authority = OperatorAuthority(new_source("up", self.get_namespace()))
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._patient = Patient()
-        self._speaker = Speaker(self, self._mandate)
+        self._speaker = Speaker(self, self._authority)
         listen(self, self._on_decision)
         for topic, kind in (
             (names.SIM_STATUS, SimStatus),
@@ -99,7 +99,7 @@ class Watch(Node):
         """Return the newest status of the chain; what fell silent is None, and the note says so."""
         sim, ik, robot = (self._fresh(t) for t in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS))
         return ChainStatus(
-            mode=self._mandate.mode.name,
+            mode=self._authority.mode.name,
             sim_state=None if sim is None else SIM_STATES.get(sim.state, str(sim.state)),
             real_time_factor=None if sim is None else sim.real_time_factor,
             step_time=None if sim is None else sim.step_time_median,
@@ -179,7 +179,7 @@ class Watch(Node):
 
     def _on_decision(self, decision: Decision) -> None:
         with suppress(ValueError):  # one that cannot be is reported by those who obey
-            self._mandate.hear(decision, *clocks(self))
+            self._authority.hear(decision, *clocks(self))
 
     def _report(self) -> Report:
         processes = self._processes()

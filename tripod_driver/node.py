@@ -27,15 +27,15 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion
 from tripod_graph.limits import limits_from
+from tripod_graph.liveliness import Rival
 from tripod_graph.mode import Decision
 from tripod_graph.motion_clock import STALLED, MotionClock
 from tripod_graph.parameters import declare
-from tripod_graph.presence import Rival
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.rate_check import Turns, short
 from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
-from tripod_graph.turns import Turns, short
 
 CLOCK = "use_sim_time"
 """Parameter of ROS that says from where a node takes the time."""

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from tripod_msgs.msg import Authority, ControlMode
 
 from tripod_graph import names
-from tripod_graph.mandate import Mandate
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.mode import REMEMBERED, REPEAT, Decision, Mode, ModeTracker
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
 
@@ -56,7 +56,7 @@ def listen(node: Node, hear: Callable[[Decision], None]) -> None:
 
 
 class Decider(Protocol):
-    """A `Mandate`, or what has one."""
+    """A `OperatorAuthority`, or what has one."""
 
     def decide(self, mode: Mode, wall: float, now: float) -> Decision | None:
         """Decide on `mode`; return what to publish, None where that is refused."""
@@ -88,10 +88,10 @@ class Speaker:
         """Return whether at least `count` nodes listen."""
         return bool(self._publisher.get_subscription_count() >= count * len(EARS))
 
-    def leave(self, mandate: Mandate, longest: float = 0.5) -> None:
-        """Withdraw what `mandate` has in force, if anything, and wait until that has arrived, at most `longest` [s]."""
-        if mandate.held:
-            self.say(mandate.leave(*clocks(self._node)))
+    def leave(self, authority: OperatorAuthority, longest: float = 0.5) -> None:
+        """Withdraw what `authority` has in force, if anything; wait for its arrival, at most `longest` [s]."""
+        if authority.held:
+            self.say(authority.leave(*clocks(self._node)))
             self.wait(longest)
 
     def wait(self, longest: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import rotation_vector
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.observe import best_rotation
 

@@ -26,9 +26,9 @@ from scipy.stats import t as student
 
 from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError, FitError
+from tripod_identify.hac_covariance import HacCovariance
 from tripod_identify.parameters import Parameter, told
 from tripod_identify.problem import Problem
-from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
 
 CAUCHY = 2.385
@@ -437,12 +437,12 @@ def _known(
     smallest = max(1e-10 * float(sizes.max(initial=0.0)), 1e-12)
     back = np.where(sizes > smallest, 1 / np.maximum(sizes, smallest), 1e12)
     inverse = (vt.T * back**2) @ vt
-    together, more = Together(None, weights.angle), np.zeros((count, count))
+    together, more = HacCovariance(None, weights.angle), np.zeros((count, count))
     if problem.measured.times is not None:
         errors, columns = np.zeros(weights.use.shape), np.zeros((*weights.use.shape, count))
         errors[weights.use] = pseudo_residuals(residual[:number])
         columns[weights.use] = slope[:number] * width
-        together = Together.of(errors, weights.use, weights.angle, columns, inverse)
+        together = HacCovariance.of(errors, weights.use, weights.angle, columns, inverse)
         more = inverse @ together.more(columns)
     used = count + float(np.trace(more))
     spread = _robust(residual[:number])[0] * len(residual) / max(len(residual) - used, 1)

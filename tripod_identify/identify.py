@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from tripod_host.arrays import FloatArray
-from tripod_identify.bars import Posterior, posterior_of
-from tripod_identify.bars import as_json as posterior_json
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import CONFIDENCE, OUTLIER, Fit, Note, Prior, enough, fit, hopeless, profile
-from tripod_identify.left_over import LeftOver, what_is_left
+from tripod_identify.intervals import Posterior, posterior_of
+from tripod_identify.intervals import as_json as posterior_json
+from tripod_identify.lack_of_fit import LackOfFit, what_is_left
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import Share, Shares, shares
 from tripod_identify.model import Progress, Told, plainly
@@ -124,7 +124,7 @@ class Identified:
     fit: Fit
     mesh: Share | None
     step: Share | None
-    left: LeftOver
+    left: LackOfFit
     parameters: float
     held_out: NDArray[np.bool_]
     proposals: tuple[Proposal, ...]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
-from tripod_identify.columns import Channel, read_header
+from tripod_identify.csv_columns import Channel, read_header
 from tripod_identify.errors import DataError
 from tripod_sim.scene import Scene
 

@@ -23,10 +23,10 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from tripod_host.arrays import FloatArray
 from tripod_identify.fit import Fit, pseudo_residuals
-from tripod_identify.left_over import Smooth
+from tripod_identify.hac_covariance import HacCovariance
+from tripod_identify.lack_of_fit import Smooth
 from tripod_identify.model import Rest, Told, closely, motion
 from tripod_identify.problem import Problem, other_elements, refined
-from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -227,16 +227,16 @@ def _solve(
         normal = B.T @ B / variance + np.eye(len(m)) - N.T @ PN
         S = np.linalg.inv(normal)
         c = m + S @ (B.T @ (z - B @ m) / variance - PN.T @ (A.T @ z / variance - N @ m))
-        left_over = z - B @ c - A @ (P @ (A.T @ z / variance - N @ c))
+        lack_of_fit = z - B @ c - A @ (P @ (A.T @ z / variance - N @ c))
         if measured.times is not None:
             errors = np.zeros(use.shape)
-            errors[use] = left_over
+            errors[use] = lack_of_fit
             ofu = np.hstack([P + PN @ S @ PN.T, -PN @ S])
             both = np.vstack([ofu, np.hstack([ofu[:, p:].T, S])]) / variance
-            more = Together.of(errors, use, angle, whole, both).more(whole)
+            more = HacCovariance.of(errors, use, angle, whole, both).more(whole)
             given = float(np.sum(both * more))
         used = p + len(m) - float(np.trace(S)) + given
-        variance = (float(left_over @ left_over) + FEW * fit.spread) / (max(len(z) - used, 0.0) + FEW)
+        variance = (float(lack_of_fit @ lack_of_fit) + FEW * fit.spread) / (max(len(z) - used, 0.0) + FEW)
     more /= variance
     toc = np.vstack([-PN, np.eye(len(m))]) @ S  # the noise in c is S Q^T
     noise, cross, covariance = P + P @ more[:p, :p] @ P, P @ more[:p] @ toc, S + toc.T @ more @ toc

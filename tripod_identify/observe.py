@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_matrix, rotation_vector
-from tripod_identify.columns import EFFECTOR, Channel
+from tripod_identify.csv_columns import EFFECTOR, Channel
 from tripod_identify.errors import DataError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import effector_of

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.score import Score, distances

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.fit import USUAL
 from tripod_identify.measured import Measured

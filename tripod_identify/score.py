@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_identify.alignment import Aligned, align, position_groups
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.measured import Measured
 
 

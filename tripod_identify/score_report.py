@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from tripod_identify.left_over import LeftOver
+from tripod_identify.lack_of_fit import LackOfFit
 from tripod_identify.measured import Measured
 from tripod_identify.page import Page
 from tripod_identify.pictures import curves
@@ -33,7 +33,7 @@ def score_rows(score: Score) -> list[list[str]]:
     return rows
 
 
-def left_rows(left: LeftOver, *, angle: bool) -> list[list[str]]:
+def left_rows(left: LackOfFit, *, angle: bool) -> list[list[str]]:
     """Return what the rest is made of, name and root mean square in mm or degrees."""
     size, unit = (math.degrees(1), "degrees") if angle else (1e3, "mm")
     rows = [["all that is left", f"{size * left.rms:.4f} {unit}"]]
@@ -54,7 +54,7 @@ def alignment_line(score: Score, kind: str) -> str:
 
 
 def score_report(
-    title: str, command: str, measured: Measured, score: Score, left: LeftOver, kind: str, notes: Sequence[str]
+    title: str, command: str, measured: Measured, score: Score, left: LackOfFit, kind: str, notes: Sequence[str]
 ) -> tuple[str, bytes]:  # fmt: skip
     """Return the report as HTML, and its picture as PNG."""
     page = Page(title)

@@ -4,7 +4,7 @@ Where the tracker makes one step for each state that comes in, here the model is
 worse, or that would leave the branch, is taken back and shortened. Searches begin at the model's home, a fixed pose, as
 long as that is on the branch of the present one: so nothing but the target and the branch decides. From a home that is
 soft, such as the flat piece, the search keeps off snaps: each step is followed along the equilibria
-(`StaticModel.follow`), and firmness is limited as the tracker does (`SnapLimit`).
+(`StaticModel.follow`), and firmness is limited as the tracker does (`SnapThroughLimit`).
 """
 
 import time
@@ -21,7 +21,7 @@ from tripod_ik.merit import corrected, hard_limits_passed, merit
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import RowLimit
-from tripod_ik.snap import SNAP, SOFTEST, SnapLimit, longest_step
+from tripod_ik.snap_through import SNAP, SOFTEST, SnapThroughLimit, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.starts import StartPool
 from tripod_ik.state import LinearState
@@ -33,7 +33,7 @@ LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 """Step limits [rad]: the first one tried, and the one below which no step helps any more."""
 
 SHARE = 0.5
-"""What a step may use of what is left to a snap, see `SnapLimit`."""
+"""What a step may use of what is left to a snap, see `SnapThroughLimit`."""
 
 CREEPING, CREPT = 30, 0.03
 """A search that meets a snap ends where so many programs bring it closer by less than that share of what is missing: it
@@ -134,7 +134,7 @@ class InverseSolver:
         self._max_iterations, self._any_branch = max_iterations, any_branch
         firmness = _home_firmness(model)
         self._snapping = firmness >= FIRM and not smooth
-        self._kept_to = (*self._row_limits, SnapLimit(min(SOFTEST, firmness), share=SHARE))
+        self._kept_to = (*self._row_limits, SnapThroughLimit(min(SOFTEST, firmness), share=SHARE))
         n = len(model.angles)
         self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in self._kept_to))
         self._pool: StartPool | None = None

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from tripod_host.arrays import FloatArray
 from tripod_host.priority import stand_back
-from tripod_ik.guide import HANDOVER
 from tripod_ik.model import StaticModel
+from tripod_ik.planner_thread import HANDOVER
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene

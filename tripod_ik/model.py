@@ -12,7 +12,7 @@ from tripod_graph.names import WORKING_ANGLE, WORKING_SLIDE, servo_names
 from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
-from tripod_ik.snap import longest_step
+from tripod_ik.snap_through import longest_step
 from tripod_ik.solvable import nothing_to_solve
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, images

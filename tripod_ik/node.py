@@ -40,10 +40,10 @@ from tripod_graph.timers import set_period
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
 from tripod_ik.errors import IkError
-from tripod_ik.guide import SLID, Guide
-from tripod_ik.joining import Joining
+from tripod_ik.joint_path import why_closest
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
+from tripod_ik.planner_thread import SLID, PlannerThread
 from tripod_ik.rotation import unit_quaternion
 from tripod_ik.settings import (
     PARAMETERS,
@@ -56,10 +56,10 @@ from tripod_ik.settings import (
 )
 from tripod_ik.solvable import nothing_to_solve
 from tripod_ik.state import LinearState
+from tripod_ik.state_sync import StateSync
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import LONGEST_DT, SMOOTH, Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
-from tripod_ik.way import why_closest
 
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
@@ -77,18 +77,18 @@ class IkNode(Node):
         values = declare(self, PARAMETERS, self._adopt)
         self._scene, self._slide = scene_of(values), values["slide"]
         self._targets = TargetBox(values["target_low"], values["target_high"])
-        self._guide = Guide(self._build_pathfinder)
+        self._planner_thread = PlannerThread(self._build_planner)
         self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
-        self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide, SMOOTH)
+        self._tracker = Tracker(tracker_settings(values), model_error(values), self._planner_thread, SMOOTH)
         self._tracker.resize(self._servos)
         self._observer, self._expected = load_observer(values), expected(values, self._scene)
         self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
-        self._guide.slide = self._slide
-        self._atlas: Any = None
+        self._planner_thread.slide = self._slide
+        self._roadmap: Any = None
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
         self._own_in_use = False
-        self._joining = Joining()
+        self._joining = StateSync()
         self._angles: FloatArray | None = None  # of the robot, as the driver tells
         self._angles_at = self._simulator_at = float("-inf")
         self._feedback_at = float("-inf")
@@ -156,18 +156,18 @@ class IkNode(Node):
         self._own_after, self._stale_after = values["own_model_after"], values["stale_after"]
         set_period(self._own_timer, 1.0 / values["own_model_rate"])
 
-    def _build_pathfinder(self, slide: float) -> Any:
-        from tripod_ik.atlas import Atlas  # noqa: PLC0415 - a node that is never in charge needs no model
-        from tripod_ik.pathfinder import Pathfinder  # noqa: PLC0415
+    def _build_planner(self, slide: float) -> Any:
+        from tripod_ik.planner import Planner  # noqa: PLC0415
+        from tripod_ik.roadmap import Roadmap  # noqa: PLC0415 - a node that is never in charge needs no model
 
-        if self._atlas is None or abs(slide - self._atlas.model.slide) > SLID:
-            self._atlas = Atlas.of(self._scene, slide, self._guide.tell)
-        return Pathfinder(self._atlas, *self._tracker.reach)
+        if self._roadmap is None or abs(slide - self._roadmap.model.slide) > SLID:
+            self._roadmap = Roadmap.of(self._scene, slide, self._planner_thread.tell)
+        return Planner(self._roadmap, *self._tracker.reach)
 
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
         self._own.close()
-        self._guide.close()
+        self._planner_thread.close()
         if self._expected:
             self._expected.close()
         self._rest(Activity.IDLE, "stopped")
@@ -235,7 +235,7 @@ class IkNode(Node):
     def _keep_range(self) -> None:
         limits = self._range.limits
         self._tracker.narrow(limits.lower[:-1], limits.upper[:-1], float(limits.speed[:-1].min()))
-        self._guide.forget()
+        self._planner_thread.forget()
         if self._range.notice:
             self.get_logger().warning(self._range.notice)
 
@@ -301,7 +301,7 @@ class IkNode(Node):
             self._reject("compliances", str(error))
             return
         if state is not None:
-            self._guide.stand(self._slide, time.monotonic())
+            self._planner_thread.stand(self._slide, time.monotonic())
             told = self._own.mesh_error
             self._on_state(state, time.monotonic(), told.distance if told else math.nan)
 
@@ -315,7 +315,7 @@ class IkNode(Node):
         except IkError as error:
             self._reject("compliances", str(error))
             return
-        self._guide.stand(message.slide, now)
+        self._planner_thread.stand(message.slide, now)
         if not self._joins(state.angles, now):
             self._on_state(state, now, message.effector_mesh_error)
 
@@ -340,7 +340,7 @@ class IkNode(Node):
         self._received = now
         self._fit(len(state.angles))
         if self._expected:
-            self._expected.look(state, self._guide.slide, now)
+            self._expected.look(state, self._planner_thread.slide, now)
         if self._observer:
             self._observer.predict(state, self._motion.at(now))
             state = self._observer.loaded(state, self._tracker.correction)
@@ -422,9 +422,9 @@ class IkNode(Node):
         elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
             message = "no measurement comes in: the correction keeps its last value"
         elif step.waits:
-            message = self._guide.notice
+            message = self._planner_thread.notice
         elif step.activity is Activity.CLOSEST:
-            message = why_closest(result.active_limits, self._guide.notice)
+            message = why_closest(result.active_limits, self._planner_thread.notice)
         self._send(step.activity, message)
 
     def _rest_again(self, activity: Activity, message: str, now: float) -> None:

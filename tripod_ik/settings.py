@@ -13,8 +13,8 @@ from tripod_ik.target import TargetBox
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 
 if TYPE_CHECKING:
-    from tripod_ik.expected import ExpectedError
     from tripod_ik.load import LoadObserver
+    from tripod_ik.prediction_interval import ExpectedError
     from tripod_sim.scene import Scene
 
 _COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
@@ -237,7 +237,7 @@ def expected(values: Mapping[str, Any], scene: "Scene") -> "ExpectedError | None
     """Return what tells the expected error of poses, None where nobody asks; raise IkError for a file without it."""
     if not values["posterior"]:
         return None
-    from tripod_ik.expected import expected_error  # noqa: PLC0415 - an effect that is absent
+    from tripod_ik.prediction_interval import expected_error  # noqa: PLC0415 - an effect that is absent
 
     return expected_error(Path(values["posterior"]), scene)
 

@@ -15,12 +15,21 @@ from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
 from tripod_ik.branch import branch, is_beyond
 from tripod_ik.feedback import ModelError
-from tripod_ik.guidance import Guidance
+from tripod_ik.joint_path import PathSource
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
+from tripod_ik.path_follower import PathFollower
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.smoothing import Smoothing
-from tripod_ik.snap import SNAP, SOFTENING, SOFTEST, SWING, SnapLimit, firm_enough, longest_step
+from tripod_ik.snap_through import (
+    SNAP,
+    SOFTENING,
+    SOFTEST,
+    SWING,
+    SnapThroughLimit,
+    firm_enough,
+    longest_step,
+)
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
@@ -31,7 +40,6 @@ from tripod_ik.tasks import (
     total_distance,
 )
 from tripod_ik.tracker_settings import TrackerSettings
-from tripod_ik.way import Ask
 
 LONGEST_DT = 0.1
 """Time between commands [s] that the speed limit grants at most: after a gap the robot does not leap."""
@@ -102,8 +110,8 @@ class Tracker:
     limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`. An effector
     found outside of the box is not brought in either: where it is then is the side, until it is once inside.
 
-    It stays on the branch of the pose that it began in, off its snaps (`SnapLimit`), and the farther the more the body
-    swings (`firm_enough`). Where a state is found beyond
+    It stays on the branch of the pose that it began in, off its snap-throughs (`SnapThroughLimit`), and the farther the
+    more the body swings (`firm_enough`). Where a state is found beyond
     a fold or a snap, the command goes back along the trail of poses that it came by, as far as need be, and steps are
     halved until the target moves: what remains is the closest pose on this side. Where the trail ends and the
     body is still beyond, the pose is taken as it is.
@@ -117,7 +125,7 @@ class Tracker:
         self,
         settings: TrackerSettings,
         correction: ModelError | None = None,
-        guide: Ask | None = None,
+        guide: PathSource | None = None,
         smooth: float = 0.0,
     ) -> None:
         """Begin without a target.
@@ -125,7 +133,7 @@ class Tracker:
         Args:
             settings: How it moves the robot.
             correction: For a closed loop.
-            guide: Asked for the way where no step comes closer to the target, see `Guidance`.
+            guide: Asked for the way where no step comes closer to the target, see `PathFollower`.
             smooth: Time over which commands are smoothed, see `Smoothing`, where the target stands still [s]: `SMOOTH`,
                 for a robot that goes evenly from one command to the next; or 0 for one that is there at once. With a
                 body that is less firm than `FIRM` it is shorter, and none at `SOFTEST`: steps there are as short as
@@ -133,7 +141,7 @@ class Tracker:
         """
         self.settings = settings
         self._smooth_over = smooth
-        self._guidance = Guidance(guide)
+        self._guidance = PathFollower(guide)
         self.correction = correction
         self._limits = (
             AngleLimit(settings.angle_min, settings.angle_max),
@@ -414,8 +422,10 @@ class Tracker:
     def _row_limits(self, state: LinearState, dt: float, firm: float, *, led: bool) -> list[RowLimit]:
         found = state.firmness
         self._least = SOFTEST if found >= SOFTEST else found if self._least is None else self._least
-        snap = SnapLimit(max(self._least, min(firm, found)), share=min(1.0, dt / SOFTENING))
-        limits: list[RowLimit] = [SnapLimit(-1.0) if led else snap]  # the way is known to be firm enough
+        snap = SnapThroughLimit(max(self._least, min(firm, found)), share=min(1.0, dt / SOFTENING))
+        limits: list[RowLimit] = [
+            SnapThroughLimit(-1.0) if led else snap
+        ]  # the way is known to be firm enough
         if self._limited:
             limits.append(TorqueLimit(self._torque_ceiling(state), hard=self.settings.hard))
         if self.settings.box is not None:

@@ -15,8 +15,8 @@ from std_msgs.msg import String
 from tripod_msgs.msg import IkStatus
 
 from tripod_graph import names
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.control_mode import Speaker, clocks, listen
-from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
@@ -62,12 +62,12 @@ class PlayNode(Node):
         super().__init__(name)
         declare(self, ())
         self.done, self.succeeded = "", False
-        self._mandate = Mandate(new_source(name, self.get_namespace()))
+        self._authority = OperatorAuthority(new_source(name, self.get_namespace()))
         self._motion = MotionClock(self)
         self._position: FloatArray | None = None
         self._rotation = np.eye(3)
         self._targets = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
-        self._speaker = Speaker(self, self._mandate)
+        self._speaker = Speaker(self, self._authority)
         listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
         self.create_subscription(String, names.IK_GOAL, self._on_goal, LATCHED)
@@ -83,26 +83,26 @@ class PlayNode(Node):
 
     def close(self) -> None:
         """Ask for the level plate, then leave the graph and say so: everything holds, then parks."""
-        if self._rest is not None and self._mandate.held:
+        if self._rest is not None and self._authority.held:
             self._speaker.repeat()
             self._send(self._rest, np.zeros(2))
             time.sleep(LEVELLING)
-        self._speaker.leave(self._mandate)
+        self._speaker.leave(self._authority)
         self.destroy_node()
 
     def _on_decision(self, decision: Decision) -> None:
         try:
-            self._mandate.hear(decision, *clocks(self))
+            self._authority.hear(decision, *clocks(self))
         except ValueError as error:
             self.get_logger().warning(str(error))
         self._look()
 
     def _look(self) -> None:
         """End when somebody else decides."""
-        tracker = self._mandate.tracker
-        if self._asked and not tracker.is_held_by(self._mandate.source) and not self.done:
+        tracker = self._authority.tracker
+        if self._asked and not tracker.is_held_by(self._authority.source) and not self.done:
             by = name_of(tracker.source) or "nobody"
-            self.done = f"mode is {self._mandate.mode.name}, by {by}: another operator has taken over"
+            self.done = f"mode is {self._authority.mode.name}, by {by}: another operator has taken over"
 
     def _on_effector(self, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
@@ -151,7 +151,7 @@ class PlayNode(Node):
                 else (names.IK_GOAL, "inverse kinematics")
             )
             self.get_logger().warning(f"waiting for {topic}: is {who} running?", throttle_duration_sec=10.0)
-        if self._rest is not None and not self.done and self._mandate.held:
+        if self._rest is not None and not self.done and self._authority.held:
             if self._begun is None:
                 self._begun = self._motion.at(time.monotonic())
             self._play(self._rest, self._begun)

@@ -54,7 +54,7 @@ class Stretch:
     by_hole: bool = False
 
 
-class Guide:
+class PlannerThread:
     """Knows from every cell where to roll next; it has no memory, so a ball that strays is led from where it is."""
 
     def __init__(self, grid: MazeGrid, pitch: float) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_play.control import ControlSettings, acceleration, given_by, tilt_for
 from tripod_play.observer import Observer, ObserverSettings
-from tripod_play.plan import Guide
+from tripod_play.plan import PlannerThread
 from tripod_sim.maze.grid import MazeGrid
 
 
@@ -43,7 +43,7 @@ class Player:
     def __init__(self, grid: MazeGrid, pitch: float, settings: PlayerSettings) -> None:
         """`pitch`: of the cells [m]."""
         self.settings, self._grid, self._pitch = settings, grid, pitch
-        self._guide = Guide(grid, pitch)
+        self._guide = PlannerThread(grid, pitch)
         self.observer = Observer(settings.observer)
         self._started = False
         self._tilt = np.zeros(2)

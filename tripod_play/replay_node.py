@@ -14,8 +14,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import RobotStatus, SimStatus
 
 from tripod_graph import names
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.control_mode import Speaker, clocks, listen
-from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
@@ -105,7 +105,7 @@ class ReplayNode(Node):
         super().__init__(name or "bag_play", cli_args=fixed)
         self.done, self.duration, self.failed = "", path.end, False
         self._path, self._start, self._rate = path, start, rate
-        self._mandate = Mandate(new_source(name or "bag_play", self.get_namespace()))
+        self._authority = OperatorAuthority(new_source(name or "bag_play", self.get_namespace()))
         self._follower: Follower | None = None
         self._simulated = simulated
         self._here: FloatArray | None = None
@@ -116,7 +116,7 @@ class ReplayNode(Node):
         self._played_at = self._over_at = float("-inf")
         self._transport: Transport | None = None  # once the motion plays
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
-        self._speaker = Speaker(self, self._mandate)
+        self._speaker = Speaker(self, self._authority)
         listen(self, self._on_decision)
         self._has_driver, self._by_simulator = False, simulated is not None
         if simulated is None:
@@ -162,12 +162,12 @@ class ReplayNode(Node):
 
     def close(self) -> None:
         """Leave the graph and say so: everything holds, then parks."""
-        self._speaker.leave(self._mandate)
+        self._speaker.leave(self._authority)
         self.destroy_node()
 
     def _on_decision(self, decision: Decision) -> None:
         try:
-            self._mandate.hear(decision, *clocks(self))
+            self._authority.hear(decision, *clocks(self))
         except ValueError as error:
             self.get_logger().warning(str(error))
 
@@ -213,10 +213,10 @@ class ReplayNode(Node):
             return
         if self._ramp is None:
             self._begin(now)
-        elif not self._mandate.held:
-            tracker = self._mandate.tracker
+        elif not self._authority.held:
+            tracker = self._authority.tracker
             by = name_of(tracker.source) or "nobody"
-            self._end(f"mode is {self._mandate.mode.name}, by {by}: another operator has taken over")
+            self._end(f"mode is {self._authority.mode.name}, by {by}: another operator has taken over")
         elif self._transport is None:
             self._approach(now)
         else:
@@ -240,7 +240,7 @@ class ReplayNode(Node):
         if not follower.able:
             self._end(follower.message)
             return
-        tracker = self._mandate.tracker
+        tracker = self._authority.tracker
         if tracker.mode is Mode.REPLAY and not tracker.lost:
             self._end(f"{name_of(tracker.source)} is already playing: stop it first")
             return
@@ -299,7 +299,7 @@ class ReplayNode(Node):
         """Command poses, shape (n, joints), at times from now [s]."""
         named = names.joint_names(self._path.servos)[: joints.shape[1]]
         message = JointTrajectory(joint_names=list(named))
-        message.header.frame_id = self._mandate.source
+        message.header.frame_id = self._authority.source
         message.points = [
             JointTrajectoryPoint(positions=row.tolist(), time_from_start=Duration(seconds=float(t)).to_msg())
             for t, row in zip(times, joints, strict=True)

@@ -14,8 +14,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
+from tripod_graph.liveliness import publisher_elsewhere
 from tripod_graph.names import CONTROL_MODE, JOINT_TRAJECTORY, SIM_REQUEST, TARGET_POSE
-from tripod_graph.presence import publisher_elsewhere
 from tripod_graph.transport import Transport
 from tripod_record.bag import Bag, Heard, decoded, recorded_types, store_of
 from tripod_record.definitions import SEPARATOR, definition_text, message_class

@@ -26,16 +26,16 @@ from tripod_graph.executor import Patient
 from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion, motion_of
 from tripod_graph.limits import limits_from
+from tripod_graph.liveliness import Rival
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import STALLED, MotionClock
 from tripod_graph.parameters import ParameterError, declare
-from tripod_graph.presence import Rival
 from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE
 from tripod_graph.range import Fence, RangeWatch, cut
+from tripod_graph.rate_check import short
 from tripod_graph.run import Companion, run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
-from tripod_graph.turns import short
 from tripod_host.arrays import FloatArray
 from tripod_runtime import lag, messages, realtime
 from tripod_runtime.hot_swap import HotSwap, Replacement

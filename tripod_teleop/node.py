@@ -217,7 +217,7 @@ class TeleopNode(Node):
         point.time_from_start = DurationMessage(nanosec=round(1e9 * duration))
         named = names.joint_names(self._operator.drive.limits.count)[: len(joints)]
         message = JointTrajectory(joint_names=list(named), points=[point])
-        message.header.frame_id = self._operator.mandate.source
+        message.header.frame_id = self._operator.authority.source
         return message
 
     @staticmethod
@@ -227,7 +227,7 @@ class TeleopNode(Node):
     def _report(self) -> Report:
         operator = self._operator
         values: dict[str, Any] = {
-            **authority_values(operator.mandate.tracker),
+            **authority_values(operator.authority.tracker),
             "driving": operator.is_driving,
             "rejected messages": self._rejected,
             "last rejection": self._last_rejection,

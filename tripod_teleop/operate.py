@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 
-from tripod_graph.mandate import Mandate
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import working_pose
 from tripod_graph.source import name_of
@@ -43,7 +43,7 @@ class Operator:
     Times are of two clocks, see `tripod_graph.mode`: `wall` is the node's, `now` is steady and private.
 
     Attributes:
-        mandate: What this operator has decided, and what is in force.
+        authority: What this operator has decided, and what is in force.
         drive: The set-point.
         notice: One line for the user, about the newest key; empty if all is said by the rest.
         chosen: The servo that + and - move.
@@ -57,7 +57,7 @@ class Operator:
             drive: The set-point.
             toss: Where CATCH and THROW jump.
         """
-        self.mandate, self.drive, self._toss = Mandate(source), drive, toss or Toss()
+        self.authority, self.drive, self._toss = OperatorAuthority(source), drive, toss or Toss()
         self.notice = ""
         self.chosen = 2
         self._ready_at = float("-inf")
@@ -66,26 +66,26 @@ class Operator:
     @property
     def mode(self) -> Mode:
         """The mode in force."""
-        return self.mandate.mode
+        return self.authority.mode
 
     @property
     def decider(self) -> str:
         """What people call the operator whose decision is in force."""
-        return name_of(self.mandate.tracker.source)
+        return name_of(self.authority.tracker.source)
 
     @property
     def is_driving(self) -> bool:
         """Whether the set-points of this terminal are to be sent."""
-        return self.mandate.held and self.mode is Mode.TELEOP
+        return self.authority.held and self.mode is Mode.TELEOP
 
     def hear(self, decision: Decision, wall: float, now: float) -> None:
         """Take a decision of any operator. Raises ValueError for one that cannot be."""
-        if self.mandate.hear(decision, wall, now):
+        if self.authority.hear(decision, wall, now):
             self.drive.rest()
 
     def due(self, wall: float, now: float) -> Decision | None:
-        """Return what to publish on `control_mode` now, if anything; see `Mandate.due`."""
-        due = self.mandate.due(wall, now)
+        """Return what to publish on `control_mode` now, if anything; see `OperatorAuthority.due`."""
+        due = self.authority.due(wall, now)
         if not self.is_driving:
             self.drive.rest()
         return due
@@ -93,7 +93,7 @@ class Operator:
     def decide(self, mode: Mode, wall: float, now: float) -> Decision:
         """Decide on `mode`; return what to publish."""
         self.drive.rest()
-        return self.mandate.decide(mode, wall, now)
+        return self.authority.decide(mode, wall, now)
 
     def act(self, intent: Intent, joints: Joints | None, wall: float, now: float) -> Decision | None:
         """Do what a key asks for; return what to publish on `control_mode`, None for nothing.

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.command import CommandError, CommandLimits
-from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import servo_names
 from tripod_host.arrays import FloatArray
@@ -39,7 +39,7 @@ class Control:
     Times are of two clocks, see `tripod_graph.mode`: `wall` is the node's, `now` is steady and private.
 
     Attributes:
-        mandate: What this page has decided, and what is in force.
+        authority: What this page has decided, and what is in force.
         speed: Mean speed of a motion [rad/s], where the followers' slew rate allows it.
         angles: What the sliders ask for [rad], shape (s,).
         slide: The same of the slide [m]; None while nobody has moved it.
@@ -50,7 +50,7 @@ class Control:
 
     def __init__(self, source: str, limits: CommandLimits, speed: float) -> None:
         """`source`: name of this operator; `speed`: mean speed of a motion [rad/s]."""
-        self.mandate, self.limits = Mandate(source), limits
+        self.authority, self.limits = OperatorAuthority(source), limits
         self.speed = speed
         self.angles: FloatArray = np.zeros(limits.count)
         self.slide: float | None = None
@@ -69,12 +69,12 @@ class Control:
     @property
     def mode(self) -> Mode:
         """The mode in force."""
-        return self.mandate.mode
+        return self.authority.mode
 
     @property
     def in_control(self) -> bool:
         """Whether this page is the operator."""
-        return self.mandate.held
+        return self.authority.held
 
     @property
     def streaming(self) -> bool:
@@ -87,13 +87,13 @@ class Control:
 
     def hear(self, decision: Decision, wall: float, now: float) -> None:
         """Take a decision of any operator. Raises ValueError for one that cannot be."""
-        self.mandate.hear(decision, wall, now)
+        self.authority.hear(decision, wall, now)
         if not self.streaming:
             self._end_motion()
 
     def due(self, wall: float, now: float) -> Decision | None:
-        """Return what to publish on `control_mode` now, if anything; see `Mandate.due`."""
-        due = self.mandate.due(wall, now)
+        """Return what to publish on `control_mode` now, if anything; see `OperatorAuthority.due`."""
+        due = self.authority.due(wall, now)
         if not self.streaming:
             self._end_motion()
         return due
@@ -114,7 +114,7 @@ class Control:
             return None
         self.notice = ""
         began = mode is Mode.TELEOP and not self.streaming
-        decision = self.mandate.decide(mode, wall, now)
+        decision = self.authority.decide(mode, wall, now)
         self._end_motion()
         self._ready_at = now + TAKEOVER if began else self._ready_at
         self._follow_measured(now)

@@ -272,7 +272,7 @@ class Display:
 
     def _update_panel(self, control: Control, target: TargetHandle, now: float) -> None:
         panel, effector = self._panel, None if self.effector is None else self.effector.position
-        panel.show_mode(words.mode_line(control.mandate), control.mode.name, own=control.in_control)
+        panel.show_mode(words.mode_line(control.authority), control.mode.name, own=control.in_control)
         panel.show_lines("notice", _notices(control, self._scene))
         panel.show_lines("target", words.target_lines(target.position, effector))
         measured = control.measured(now)

@@ -482,7 +482,7 @@ class ViewNode(Node):
         self._commanded_at = time.monotonic()
         trajectory = self._control.command(time.monotonic())
         if trajectory is not None:
-            self._trajectory.publish(trajectory_message(trajectory, self._control.mandate.source))
+            self._trajectory.publish(trajectory_message(trajectory, self._control.authority.source))
 
     def _publish_target(self) -> None:
         if self._target.position is None:
@@ -513,7 +513,7 @@ class ViewNode(Node):
             "pictures per second": self._display.pictures_per_second if self._browsers else 0.0,
             "skipped body states": body.skipped,
             "last skipped": body.reason,
-            **authority_values(self._control.mandate.tracker),
+            **authority_values(self._control.authority.tracker),
             "refused messages": rejects.total,
             "last refused": rejects.last,
             "lost events": lost,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_graph import diagnostic_keys as keys
-from tripod_graph.mandate import Mandate
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.mode import Mode
 from tripod_graph.source import name_of
 
@@ -217,10 +217,10 @@ def robot_line(status: RobotFields) -> Line:
     return replace(line, text=f"{line.text}: {status.message}") if status.message else line
 
 
-def mode_line(mandate: Mandate) -> Line:
+def mode_line(authority: OperatorAuthority) -> Line:
     """Return the line that says who commands the robot, seen by the operator of this page."""
-    mode, tracker = mandate.mode, mandate.tracker
-    own = tracker.source == mandate.source
+    mode, tracker = authority.mode, authority.tracker
+    own = tracker.source == authority.source
     if tracker.lost:
         return Line(Light.BAD, "STOP", f"{name_of(tracker.lost)} is silent: the servos hold, then park")
     if not tracker.source:

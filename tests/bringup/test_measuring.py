@@ -26,7 +26,7 @@ from tripod_driver.ports.mock import MockPort
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.pose_player import SETTLE, SPEED, Phase, PosePlayer
 from tripod_driver.protocol import AngleMapping
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly, predict

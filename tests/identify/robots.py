@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.measured import Measured
 from tripod_identify.model import Told, predict
 from tripod_sim import load_scene

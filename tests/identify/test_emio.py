@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.emio import POINTS, SCENE, YOUNG, fitted, wrong
 from tests.messages import raises_naming
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.model import Rest, plainly, predict, rest_states

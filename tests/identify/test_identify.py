@@ -10,7 +10,7 @@ import pytest
 
 from tests.identify.robots import BEAM, MOVING, POSE, beam, commands, measured, tripod, write_csv
 from tests.messages import assert_names, line_naming, lines_naming, names, raises_naming
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import Prior, _in_step, _sigma, _Weights, fit, profile
 from tripod_identify.identify import Wanted, _too_far, beginning, held_rows, identify

@@ -9,7 +9,7 @@ import pytest
 from tests.identify.robots import PLACE, beam
 from tests.messages import raises_naming
 from tripod_identify.fit import Fit, _robust
-from tripod_identify.left_over import Smooth
+from tripod_identify.lack_of_fit import Smooth
 from tripod_identify.mesh_share import REST, _solve
 from tripod_identify.model import plainly
 from tripod_identify.parameters import parameters

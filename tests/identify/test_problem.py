@@ -7,7 +7,7 @@ import pytest
 
 from tests.identify.robots import MOVING, POSE, beam, commands, measured, tripod
 from tests.messages import raises_naming
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly

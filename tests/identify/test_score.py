@@ -9,7 +9,7 @@ import pytest
 from tests.identify.robots import MOVING, PLACE, POSE, beam, commands, measured, tripod, write_csv
 from tests.messages import assert_names, raises_naming
 from tripod_host.rotations import rotation_matrix
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly, predict

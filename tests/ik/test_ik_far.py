@@ -6,8 +6,8 @@ import pytest
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
-from tripod_ik.once import solve_once
 from tripod_ik.row_limits import TorqueLimit
+from tripod_ik.solve_once import solve_once
 from tripod_ik.tasks import PositionTask
 from tripod_sim import load_scene
 

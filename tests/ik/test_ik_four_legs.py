@@ -11,7 +11,7 @@ from tests.messages import assert_names, raises_naming
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, linear_state
-from tripod_ik.once import solve_once
+from tripod_ik.solve_once import solve_once
 from tripod_ik.tasks import PositionTask
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.description import urdf

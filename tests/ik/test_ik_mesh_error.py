@@ -147,7 +147,7 @@ def test_a_model_pays_for_it_only_where_its_scene_asks_for_it(asked: bool, tmp_p
         "import sys, time\n"
         "from tripod_ik.model import StaticModel\n"
         "from tripod_ik.own_model import OwnModel\n"
-        "from tripod_ik.once import solve_once\n"
+        "from tripod_ik.solve_once import solve_once\n"
         "from tripod_sim import load_scene\n"
         f"scene = load_scene({SHARP!r}, {words!r})\n"
         "own = OwnModel(lambda angles: StaticModel(scene, angles=angles))\n"

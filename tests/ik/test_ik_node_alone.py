@@ -10,7 +10,7 @@ from tests.ik.ik_graph import WORKING, standing_at, start_alone
 from tests.messages import assert_names
 from tests.scenes import SHARP
 from tripod_graph import names
-from tripod_ik.once import solve_once
+from tripod_ik.solve_once import solve_once
 from tripod_sim import load_scene
 from tripod_sim.mesh_error.chord import NEAR
 from tripod_sim.scene_file import scene_to_toml

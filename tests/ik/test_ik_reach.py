@@ -8,8 +8,8 @@ from tests.scenes import SHARP
 from tripod_bringup.ik_command import solution_rows
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel
-from tripod_ik.once import solve_once
 from tripod_ik.reach import COLUMNS, Reach, default_range, reach
+from tripod_ik.solve_once import solve_once
 from tripod_ik.tracker_settings import Goal
 from tripod_sim import load_scene
 

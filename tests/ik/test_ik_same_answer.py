@@ -7,10 +7,10 @@ import pytest
 
 from tests.scenes import SHARP
 from tests.tiers import sampled
-from tripod_ik.atlas import Atlas
 from tripod_ik.model import home_angles, linear_state
-from tripod_ik.once import solve_once
-from tripod_ik.pathfinder import Pathfinder
+from tripod_ik.planner import Planner
+from tripod_ik.roadmap import Roadmap
+from tripod_ik.solve_once import solve_once
 from tripod_ik.tracker import SMOOTH, Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene
@@ -25,8 +25,8 @@ CALM, STILL = 0.6, 1e-6
 
 
 @cache
-def atlas(slide: float) -> Atlas:
-    return Atlas.of(load_scene(SHARP), slide)
+def roadmap(slide: float) -> Roadmap:
+    return Roadmap.of(load_scene(SHARP), slide)
 
 
 def question(seed: int) -> tuple[float, np.ndarray, np.ndarray]:
@@ -34,7 +34,7 @@ def question(seed: int) -> tuple[float, np.ndarray, np.ndarray]:
     rng, slide = np.random.default_rng([53, seed]), SLIDES[seed % len(SLIDES)]
     start = np.clip(home_angles(3, slide) + rng.uniform(-0.3, 0.3, 3), SETTINGS.angle_min, SETTINGS.angle_max)
     turn, radius, height = rng.uniform(0, 2 * np.pi), 0.014 * np.sqrt(rng.uniform()), rng.uniform(-4e-3, 4e-3)
-    home = atlas(slide).poses[0].state.equilibrium
+    home = roadmap(slide).poses[0].state.equilibrium
     return slide, start, home + np.array([radius * np.cos(turn), radius * np.sin(turn), height])
 
 
@@ -42,7 +42,7 @@ def moved(slide: float, start: np.ndarray, target: np.ndarray) -> tuple[np.ndarr
     """Return where the node's rule brings the servos of the simulated robot [rad], and what is missing at rest [m]."""
     angles = ", ".join(f"{a:.9f}" for a in start)
     simulation = Simulation(load_scene(SHARP, [f"servos.angles=[{angles}]", f"servos.slide={slide}"]))
-    finder = Pathfinder(atlas(slide), *Tracker(SETTINGS).reach)
+    finder = Planner(roadmap(slide), *Tracker(SETTINGS).reach)
     tracker = Tracker(SETTINGS, guide=finder.way, smooth=SMOOTH)
     joints, every, calm = simulation.state.joints.copy(), round(DT / simulation.scene.dt), 0
     for _ in range(round(REST / simulation.scene.dt)):

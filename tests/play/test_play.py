@@ -14,7 +14,7 @@ from tripod_play.errors import PlayError
 from tripod_play.follow import servo_path
 from tripod_play.observer import Observer, ObserverSettings
 from tripod_play.path_file import Kind, read_path
-from tripod_play.plan import Guide, Stretch, corners, shortest_way
+from tripod_play.plan import PlannerThread, Stretch, corners, shortest_way
 from tripod_play.solve import Eye, solve
 from tripod_play.tilt import lever_of, tilt_map
 from tripod_sim import Simulation, load_scene
@@ -36,7 +36,7 @@ def test_the_shortest_way_goes_round_a_hole() -> None:
 
 
 def test_the_guide_leads_from_any_cell_and_back_from_the_brink() -> None:
-    guide = Guide(LOOP, 0.01)
+    guide = PlannerThread(LOOP, 0.01)
     first = guide.stretch(np.array([-0.01, 0.006]))
     np.testing.assert_allclose(first.direction, [0, -1])
     np.testing.assert_allclose(first.end, [-0.01, -0.005])
@@ -73,7 +73,7 @@ def test_control_pulls_to_the_middle_first_and_stops_at_the_end() -> None:
 
 
 def test_by_a_hole_the_ball_goes_slower_and_stops_at_the_end() -> None:
-    guide, s = Guide(LOOP, 0.01), ControlSettings()
+    guide, s = PlannerThread(LOOP, 0.01), ControlSettings()
     below = guide.stretch(np.array([-0.01, -0.005]))  # along the lower row, past the hole above its middle
     assert below.by_hole
     assert guide.stretch(np.array([0.01, -0.005])).by_hole, "the hole is next to the goal"
@@ -85,8 +85,8 @@ def test_by_a_hole_the_ball_goes_slower_and_stops_at_the_end() -> None:
         "+---+---+---+---+",
     )
     far = parse_maze("\n".join(rows) + "\n", "far")
-    assert not Guide(far, 0.01).stretch(np.array([-0.015, 0.005])).by_hole
-    assert Guide(far, 0.01).stretch(np.array([0.015, -0.005])).by_hole
+    assert not PlannerThread(far, 0.01).stretch(np.array([-0.015, 0.005])).by_hole
+    assert PlannerThread(far, 0.01).stretch(np.array([0.015, -0.005])).by_hole
     along = acceleration(s, below, below.begin, np.zeros(2)) @ below.direction
     assert along == pytest.approx(s.pace * s.hole_speed)
     arriving = acceleration(s, below, below.end, 0.01 * below.direction) @ below.direction

@@ -83,9 +83,9 @@ def test_a_decision_overrules_one_from_a_clock_ahead(stamp: float) -> None:
     c.measure(BENT, 0.0)
     c.hear(Decision(Mode.IK, "other", stamp), 100.0, 0.0)
     c.decide(Mode.STOP, 100.1, 0.1)
-    assert c.mandate.mode is Mode.STOP
+    assert c.authority.mode is Mode.STOP
     c.hear(Decision(Mode.IK, "other", stamp), 100.2, 0.2)  # it has not heard of it yet
-    assert c.mandate.mode is Mode.STOP
+    assert c.authority.mode is Mode.STOP
     c.decide(Mode.TELEOP, 100.3, 0.3)
     assert c.streaming
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.messages import assert_names, names
-from tripod_graph.mandate import Mandate
+from tripod_graph.authority import OperatorAuthority
 from tripod_graph.mode import Decision, Mode
 from tripod_view import words
 from tripod_view.words import Light, Line
@@ -28,10 +28,10 @@ def robot(**values: object) -> SimpleNamespace:
 
 def mode_line(mode: Mode, source: str, now: float = 0.0) -> Line:
     """Return what the page '/view#1' says after that decision, at `now` [s]."""
-    mandate = Mandate("/view#1")
-    mandate.tracker.hear(Decision(mode, source), 100.0, 0.0)
-    mandate.tracker.lapse(now)
-    return words.mode_line(mandate)
+    authority = OperatorAuthority("/view#1")
+    authority.tracker.hear(Decision(mode, source), 100.0, 0.0)
+    authority.tracker.lapse(now)
+    return words.mode_line(authority)
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
         "Inverse kinematics",
         "From a wanted pose to servo angles: [how it works](../inverse_kinematics.md).",
         {
-            "tripod_ik.once": ("solve_once",),
+            "tripod_ik.solve_once": ("solve_once",),
             "tripod_ik.tracker_settings": ("Goal",),
             "tripod_ik.model": ("StaticModel",),
             "tripod_ik.inverse": ("InverseSolver", "Solution", "Outcome"),

@@ -56,7 +56,7 @@ def lacking(kind: Element, nodes: FloatArray, elements: IndexArray, density: Flo
 class ElementInertia(BlockTerm):
     """Potential Q(x) = c/2 sum_ab couplings_ab (x_a - y_a) . (x_b - y_b), with y and c = w / m of an `Anchor`.
 
-    Together with that it is the inertia and mass damping of one implicit step (see `anchor`, `integrators.stage`).
+    HacCovariance with that it is the inertia and mass damping of one implicit step (see `anchor`, `integrators.stage`).
     """
 
     name, has_inertia = "inertia", True

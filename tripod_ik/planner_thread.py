@@ -1,4 +1,4 @@
-"""The pathfinder in a thread of its own, for a node that must not stop answering meanwhile."""
+"""The planner in a thread of its own, for a node that must not stop answering meanwhile."""
 
 import sys
 import threading
@@ -9,16 +9,16 @@ import numpy as np
 
 from tripod_host.priority import stand_back
 from tripod_ik.errors import IkError
+from tripod_ik.joint_path import NEAR_PATH, NO_PATH, JointPath
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
-from tripod_ik.way import NEAR_WAY, NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
 
 if TYPE_CHECKING:
-    from tripod_ik.pathfinder import Pathfinder
+    from tripod_ik.planner import Planner
 
 SLID = 1e-5
-"""Slides that differ by more [m] need another pathfinder."""
+"""Slides that differ by more [m] need another planner."""
 
 SETTLED = 1.0
 """Time [s] after which servo bodies that have not slid are taken to stay."""
@@ -29,28 +29,28 @@ inverse kinematics would wait for one of the model, and more than once.
 """
 
 
-class Guide:
+class PlannerThread:
     """Answers the question for a way, some calls later.
 
     Attributes:
         notice: What there is to say about it; empty where nothing.
     """
 
-    def __init__(self, build: Callable[[float], "Pathfinder"]) -> None:
-        """`build`: makes the pathfinder for a slide [m]; called in another thread."""
+    def __init__(self, build: Callable[[float], "Planner"]) -> None:
+        """`build`: makes the planner for a slide [m]; called in another thread."""
         self._build = build
-        self._finder: Pathfinder | None = None
+        self._finder: Planner | None = None
         self._built_at = np.nan
         self._thread: threading.Thread | None = None
         self._asked: LinearState | None = None
-        self._answer: Way | None = None
+        self._answer: JointPath | None = None
         self._prepared = np.nan
         self._since: float | None = None
         self.slide = 0.0
         self.notice = ""
 
     def forget(self) -> None:
-        """Build the pathfinder anew for the next question: the limits have changed."""
+        """Build the planner anew for the next question: the limits have changed."""
         self._built_at = np.nan
 
     def stand(self, slide: float, now: float) -> None:
@@ -64,12 +64,12 @@ class Guide:
             self._begin(None, (), ())
 
     def tell(self, poses: int) -> None:
-        """Say how many poses are known while the pathfinder is built."""
+        """Say how many poses are known while the planner is built."""
         self.notice = f"exploring the poses of the robot: {poses} so far"
 
     def __call__(
         self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
-    ) -> Way | None:
+    ) -> JointPath | None:
         """Return the way that was asked for; None as long as it is not known, or where there is none."""
         if self._is_busy():
             return None
@@ -107,8 +107,8 @@ class Guide:
             expected = isinstance(error, SceneError | StepError | IkError)
             reason = str(error) if expected else f"{type(error).__name__}: {error}"
             self.notice, self._answer = (
-                f"{NEAR_WAY}; there is no model with which to search further: {reason}",
-                NOWHERE,
+                f"{NEAR_PATH}; there is no model with which to search further: {reason}",
+                NO_PATH,
             )
 
     def close(self, longest: float = 2.0) -> None:

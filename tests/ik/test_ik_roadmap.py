@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.scenes import SHARP
-from tripod_ik.atlas import Atlas
 from tripod_ik.model import StaticModel, image_of
+from tripod_ik.roadmap import Roadmap
 from tripod_sim import load_scene
 
 SLIDE = 0.012
@@ -16,12 +16,14 @@ def model():
     return StaticModel(load_scene(SHARP), SLIDE)
 
 
-def atlas_of(model, around=0.5):
-    return Atlas(model, model.home - around, model.home + around)
+def roadmap_of(model, around=0.5):
+    return Roadmap(model, model.home - around, model.home + around)
 
 
-def known(atlas):
-    return {(*p.state.angles.round(3), *(1e4 * p.state.equilibrium).round().astype(int)) for p in atlas.poses}
+def known(roadmap):
+    return {
+        (*p.state.angles.round(3), *(1e4 * p.state.equilibrium).round().astype(int)) for p in roadmap.poses
+    }
 
 
 def test_turned_and_mirrored_poses_are_images_with_all_that_is_known_of_them(model):
@@ -54,10 +56,10 @@ def test_what_is_not_symmetric_has_no_images(gravity):
 
 
 def test_images_save_the_way_to_poses_and_change_none_of_them(model):
-    with_images = atlas_of(model)
+    with_images = roadmap_of(model)
     alone = StaticModel(load_scene(SHARP), SLIDE, model.home)
     alone.symmetries = lambda: model.symmetries()[:1]
-    each = atlas_of(alone)
+    each = roadmap_of(alone)
     assert known(with_images) >= known(each) == {*known(each)}
     with_images.within(0.009)
     each.within(0.009)
@@ -74,20 +76,20 @@ def test_firm_neighbours_that_are_known_are_not_gone_to_and_are_those_that_would
         return follow(*words, **options)
 
     monkeypatch.setattr(model, "follow", count)
-    atlases = []
+    roadmaps = []
     for _ in range(2):
         gone_to.append(0)
-        atlases.append(atlas_of(model))
-        atlases[-1].within(0.009)
-        monkeypatch.setattr(Atlas, "_goes_on_to", lambda self, here, known: None)
-    foretold, each = atlases
+        roadmaps.append(roadmap_of(model))
+        roadmaps[-1].within(0.009)
+        monkeypatch.setattr(Roadmap, "_goes_on_to", lambda self, here, known: None)
+    foretold, each = roadmaps
     assert known(foretold) == known(each)
     assert [p.neighbours for p in foretold.poses] == [p.neighbours for p in each.poses]
     assert gone_to[0] < 0.8 * gone_to[1]
 
 
 def test_poses_depend_on_nothing_that_was_asked_for_before(model):
-    at_once, by_and_by = atlas_of(model), atlas_of(model)
+    at_once, by_and_by = roadmap_of(model), roadmap_of(model)
     first = by_and_by.within(0.004)
     second = by_and_by.within(0.008)
     assert at_once.within(0.008) == second > first > {0}

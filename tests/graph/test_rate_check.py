@@ -3,7 +3,7 @@
 import pytest
 
 from tests.messages import assert_names
-from tripod_graph.turns import Turns, short
+from tripod_graph.rate_check import Turns, short
 
 
 def test_the_rate_is_that_since_the_last_question() -> None:

@@ -10,7 +10,7 @@ from tests.scenes import SHARP
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import linear_state
-from tripod_ik.snap import BARRIER, SOFTEST, SnapLimit, firm_enough
+from tripod_ik.snap_through import BARRIER, SOFTEST, SnapThroughLimit, firm_enough
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
@@ -120,10 +120,10 @@ def test_one_solution_is_near_the_snap_too_mirrored_for_mirrored_goals_and_takes
 def test_the_limit_grants_a_share_of_what_is_left(flat):
     flat.follow(np.array([-0.24, 0.12, 0.12]))
     state = flat.state()
-    rows = SnapLimit(share=0.25).rows(state)
+    rows = SnapThroughLimit(share=0.25).rows(state)
     left = state.firmness**2 - SOFTEST**2
     assert rows.low == pytest.approx([-0.25 * left])
     assert rows.matrix[0] == pytest.approx(2 * state.firmness * state.firmness_slope)
-    beyond = SnapLimit(least=0.2, share=0.25).rows(state)
+    beyond = SnapThroughLimit(least=0.2, share=0.25).rows(state)
     assert beyond.low == pytest.approx([0.2**2 - state.firmness**2])  # all of it, where it is beyond
     flat.go_home()

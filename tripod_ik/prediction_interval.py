@@ -1,8 +1,8 @@
 """The expected error of the pose at which a running robot rests, with 90 % bars: what an identification left unknown.
 
-`tripod_identify.bars` has the equation. It solves the pose on two more meshes, which is no work for a control loop: it
-is done in a thread of its own, once for each place where the servos have stood for `STILL`. While they move nothing is
-told, and nothing computed.
+`tripod_identify.intervals` has the equation. It solves the pose on two more meshes, too long for a control loop: so a
+thread of its own does it, once for each place where the servos have stood for `STILL`. While they move nothing is
+computed or reported.
 """
 
 import sys
@@ -18,11 +18,11 @@ from tripod_graph import diagnostic_keys as keys
 from tripod_host.arrays import FloatArray
 from tripod_host.priority import stand_back
 from tripod_ik.errors import IkError
-from tripod_ik.guide import HANDOVER
+from tripod_ik.planner_thread import HANDOVER
 from tripod_ik.state import LinearState
 
 if TYPE_CHECKING:
-    from tripod_identify.bars import Posterior
+    from tripod_identify.intervals import Posterior
     from tripod_sim.scene import Scene
 
 STILL = 0.5
@@ -36,7 +36,7 @@ APART = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class PredictedError:
     """Truth less pose at rest: x, y, z [m] and rotation [rad], shape (6,) each; by the model, without any feedback.
 
     Attributes:
@@ -48,7 +48,7 @@ class Expected:
     half: FloatArray
 
 
-Bars = Callable[[FloatArray, float], tuple[FloatArray, Expected]]
+Bars = Callable[[FloatArray, float], tuple[FloatArray, PredictedError]]
 """Gives place [m] and expected error of the pose at rest, at angles [rad] of shape (s,) and a slide [m]."""
 
 
@@ -67,7 +67,7 @@ class ExpectedError:
         self._angles: FloatArray | None = None
         self._since = 0.0
         self._asked: FloatArray | None = None
-        self.found: Expected | None = None
+        self.found: PredictedError | None = None
         self.reason = "the mode is not IK yet"
 
     def look(self, state: LinearState, slide: float, now: float) -> None:
@@ -124,8 +124,8 @@ def expected_error(posterior: Path, scene: "Scene") -> ExpectedError:
 
     Raises IkError where the file has none.
     """
-    from tripod_identify.bars import read_posterior  # noqa: PLC0415 - an effect that is absent
     from tripod_identify.errors import DataError  # noqa: PLC0415
+    from tripod_identify.intervals import read_posterior  # noqa: PLC0415 - an effect that is absent
 
     try:
         known = read_posterior(posterior)
@@ -136,11 +136,11 @@ def expected_error(posterior: Path, scene: "Scene") -> ExpectedError:
 
 def bars_by(posterior: "Posterior", scene: "Scene") -> Bars:
     """Return what computes the bars."""
-    from tripod_identify.bars import pose_bars  # noqa: PLC0415 - an effect that is absent
+    from tripod_identify.intervals import pose_bars  # noqa: PLC0415 - an effect that is absent
 
-    def bars(angles: FloatArray, slide: float) -> tuple[FloatArray, Expected]:
+    def bars(angles: FloatArray, slide: float) -> tuple[FloatArray, PredictedError]:
         found = pose_bars(scene, posterior, angles[None], np.array([slide]))
         shift = (found.mesh + found.steps)[0] if found.known else np.zeros(6)
-        return found.poses[0, :3], Expected(shift, found.half[0])
+        return found.poses[0, :3], PredictedError(shift, found.half[0])
 
     return bars

@@ -19,7 +19,7 @@ PATIENCE = 4.0
 """After this time [s] the simulated servos have come as near as they can: a load or a range holds them."""
 
 
-class Joining:
+class StateSync:
     """Says what to command until the simulated servos are where the robot's are."""
 
     def __init__(self) -> None:

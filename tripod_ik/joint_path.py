@@ -7,13 +7,13 @@ from typing import Protocol
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_ik.snap import SNAP
+from tripod_ik.snap_through import SNAP
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class JointPath:
     """Where to go.
 
     Attributes:
@@ -31,12 +31,12 @@ class Way:
     reason: str = ""
 
 
-NEAR_WAY = "closest pose near the path taken"
+NEAR_PATH = "closest pose near the path taken"
 """What there is to say where no way to a better one is known."""
 
-NOWHERE = Way(
+NO_PATH = JointPath(
     np.empty((0, 0)), np.inf, (), np.empty(0),
-    f"{NEAR_WAY}; the robot is not where its model expects it: go to the working pose, or give "
+    f"{NEAR_PATH}; the robot is not where its model expects it: go to the working pose, or give "
 "the scene of this robot",
 )  # fmt: skip
 """No way is known."""
@@ -55,12 +55,12 @@ def why_closest(limits: Sequence[str], reason: str) -> str:
     )
 
 
-class Ask(Protocol):
+class PathSource(Protocol):
     """Who knows ways."""
 
     def __call__(
         self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()
-    ) -> Way | None:
+    ) -> JointPath | None:
         """Return the way from a state to the pose that meets tasks best; None is no answer yet: to be asked again.
 
         `trail`: states that the robot came by, in this order.

@@ -18,8 +18,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.model import Saved, StaticModel, foretold_miss, image_of
-from tripod_ik.roads import DIGITS, Poses, Roads, Ways
-from tripod_ik.snap import SOFTEST, WITHIN
+from tripod_ik.roadmap_path import DIGITS, Poses, RoadmapPaths, ShortestPaths
+from tripod_ik.snap_through import SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, table
 from tripod_sim.errors import SceneError, StepError
@@ -35,7 +35,7 @@ SHORTEST = 0.05
 leads from the flat piece, and none to all sheets at 12 mm of slide."""
 
 BEYOND = -0.04
-"""A pose whose ρ², foretold by its slope (see `SnapLimit`), is below this is beyond a snap: trying would take long."""
+"""A pose whose predicted ρ² (see `SnapThroughLimit`) is below this is beyond a snap-through: trying would take long."""
 
 SAME = 1e-4
 """Positions of the effector that differ by less [m] belong to one equilibrium, or to a robot and its model."""
@@ -79,7 +79,7 @@ class Pose:
     neighbours: set[int] = field(default_factory=set)
 
 
-class Atlas:
+class Roadmap:
     """Poses of a model that hang together with its home.
 
     Attributes:
@@ -110,13 +110,13 @@ class Atlas:
         home = model.go_home()
         self._home, self.poses = home.angles, list[Pose]()
         self._cells: dict[Cell, list[int]] = {}
-        self._roads: tuple[int, Roads] | None = None
+        self._roads: tuple[int, RoadmapPaths] | None = None
         cell = (0,) * len(self._home)
         self._open = [(0.0, self._add(cell, home, 0.0), cell)]
 
     @classmethod
-    def of(cls, scene: Scene, slide: float, progress: Callable[[int], None] | None = None) -> "Atlas":
-        """Return the atlas of a scene, servo bodies slid in by `slide` [m]; its home is that of `StaticModel`."""
+    def of(cls, scene: Scene, slide: float, progress: Callable[[int], None] | None = None) -> "Roadmap":
+        """Return the roadmap of a scene, servo bodies slid in by `slide` [m]; its home is that of `StaticModel`."""
         joints = joints_of(scene)
         solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0, max_turn=AT_ONCE)
         if joints is None:
@@ -202,7 +202,11 @@ class Atlas:
         return found[0] if len(found) == 1 else None
 
     def near(
-        self, state: LinearState, among: Iterable[int], ways: Ways | None = None, within: float = NEAR
+        self,
+        state: LinearState,
+        among: Iterable[int],
+        ways: ShortestPaths | None = None,
+        within: float = NEAR,
     ) -> list[tuple[float, int]]:
         """Return the poses of `among` with angles `within` [rad] of those of `state`, and about how long it takes [s]
         to come there by each.
@@ -246,11 +250,11 @@ class Atlas:
         return next((number for number in far[:TRIES] if self.comes_to(state, number)), None)
 
     @property
-    def roads(self) -> Roads:
-        """Ways between the poses known so far."""
+    def roads(self) -> RoadmapPaths:
+        """ShortestPaths between the poses known so far."""
         if self._roads is None or self._roads[0] != len(self.poses):
             cells, neighbours = [p.cell for p in self.poses], [p.neighbours for p in self.poses]
-            self._roads = len(self.poses), Roads([p.state for p in self.poses], cells, neighbours)
+            self._roads = len(self.poses), RoadmapPaths([p.state for p in self.poses], cells, neighbours)
         return self._roads[1]
 
 

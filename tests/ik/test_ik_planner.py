@@ -9,15 +9,15 @@ import pytest
 
 from tests.ik.search import Flood, Limits
 from tests.scenes import SHARP
-from tripod_ik.atlas import Atlas
+from tripod_ik.joint_path import NO_PATH
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, goes_on
-from tripod_ik.pathfinder import Pathfinder
-from tripod_ik.snap import SOFTEST
+from tripod_ik.planner import Planner
+from tripod_ik.roadmap import Roadmap
+from tripod_ik.snap_through import SOFTEST
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
-from tripod_ik.way import NOWHERE
 from tripod_sim import load_scene
 
 DT = 0.02  # [s]
@@ -30,18 +30,18 @@ def at(degrees, radius=0.01):
 
 @pytest.fixture(scope="module")
 def finder():
-    return Pathfinder(Atlas.of(load_scene(SHARP), 0.0), *Tracker(SETTINGS).reach)
+    return Planner(Roadmap.of(load_scene(SHARP), 0.0), *Tracker(SETTINGS).reach)
 
 
 @pytest.fixture(scope="module")
 def between():
-    return Pathfinder(Atlas.of(load_scene(SHARP), 0.012), *Tracker(SETTINGS).reach)
+    return Planner(Roadmap.of(load_scene(SHARP), 0.012), *Tracker(SETTINGS).reach)
 
 
 @pytest.fixture(scope="module")
 def slid_in():
-    """The atlas of the working slide."""
-    return Atlas.of(load_scene(SHARP), 0.035)
+    """The roadmap of the working slide."""
+    return Roadmap.of(load_scene(SHARP), 0.035)
 
 
 def follow(flat, finder, goals, seconds=1.0):
@@ -125,7 +125,7 @@ def test_where_a_strip_hangs_slack_it_does_not_snap_by_itself(slid_in):
     so does one between two neighbours of the grid.
     """
     working = StaticModel(load_scene(SHARP), 0.035)
-    finder = Pathfinder(slid_in, *Tracker(SETTINGS).reach)
+    finder = Planner(slid_in, *Tracker(SETTINGS).reach)
     goals = [at(degrees, 0.012) + np.array([0.0, 0.0, 0.002]) for degrees in (0, 30, 60, 90)]
     home, ends = follow(working, finder, goals, seconds=1.4)
     for goal, (state, _) in zip(goals, ends, strict=True):
@@ -165,7 +165,7 @@ def test_the_closest_pose_is_that_of_a_search_everywhere(finder):
 
 def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(flat, finder):
     other = StaticModel(load_scene(SHARP, ["material.young=4e5"]), 0.0, np.zeros(3)).state()
-    assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NOWHERE
+    assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NO_PATH
 
 
 def test_ways_of_turned_and_mirrored_questions_are_turned_and_mirrored(flat, finder):
@@ -188,19 +188,19 @@ def test_ways_of_turned_and_mirrored_questions_are_turned_and_mirrored(flat, fin
 @pytest.mark.slow
 def test_a_way_is_known_where_all_poses_are(slid_in):
     """Of few angles all poses are soon found: then the present one is still among them."""
-    finder = Pathfinder(slid_in, AngleLimit(-1.8, -1.2))
+    finder = Planner(slid_in, AngleLimit(-1.8, -1.2))
     home = finder.model.go_home().equilibrium
     far = [PositionTask(home + np.array([0.05, 0.0, 0.0]))]
     finder.closest(far, finder.model.home)
     state = finder.model.move(np.array([-1.45, -1.55, -1.35]))
     way = finder.way(state, far)
-    assert way is not NOWHERE
+    assert way is not NO_PATH
     assert way.stops[-1] == pytest.approx([-1.8, -1.2, -1.2], abs=1e-4)
 
 
 def test_a_way_does_not_lead_over_a_snap_that_its_ends_say_nothing_of():
     """From the sheet above to that below, past where the body would snap: what the Jacobians at both ends say fits."""
-    finder = Pathfinder(Atlas.of(load_scene(SHARP), 0.023), *Tracker(SETTINGS).reach)
+    finder = Planner(Roadmap.of(load_scene(SHARP), 0.023), *Tracker(SETTINGS).reach)
     model = finder.model
     goal = [PositionTask(model.go_home().equilibrium + np.array([0.012, 0.0, 0.002]))]
     state = model.follow(np.array([-1.242, -0.59, -0.59]))
@@ -237,7 +237,7 @@ def test_a_way_makes_no_long_detour(between, monkeypatch):
     free, closest = farthest()
     assert begin + 4e-3 < free < begin + 8e-3
     assert closest < 1e-3
-    monkeypatch.setattr("tripod_ik.pathfinder.DETOUR", 4e-3)
+    monkeypatch.setattr("tripod_ik.planner.DETOUR", 4e-3)
     off, residual = farthest()
     assert off < begin + 4e-3
     assert closest < residual < closest + 2e-3

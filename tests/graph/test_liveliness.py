@@ -13,8 +13,8 @@ from std_msgs.msg import String
 
 from tests.graph.bench import Bench
 from tests.messages import assert_names
-from tripod_graph import presence
-from tripod_graph.presence import Mix, Rival
+from tripod_graph import liveliness
+from tripod_graph.liveliness import Mix, Rival
 from tripod_graph.qos import RELIABLE
 
 pytestmark = pytest.mark.ros
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def bench(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setattr(presence, "PERIOD", 0.1)
+    monkeypatch.setattr(liveliness, "PERIOD", 0.1)
     bench = Bench(domain)
     yield bench
     bench.close()

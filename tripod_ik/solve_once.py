@@ -1,6 +1,6 @@
 """One inverse kinematics, from a scene and a target to a summary: what `tripod ik --target` does.
 
-It is the node's rule, `Tracker` and `Pathfinder`, on a quasi-static model that is at each command at once: so command
+It is the node's rule, `Tracker` and `Planner`, on a quasi-static model that is at each command at once: so command
 and node have the same answer from the same start within the same limits.
 """
 
@@ -13,17 +13,17 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
-from tripod_ik.atlas import Atlas
+from tripod_ik.joint_path import NO_PATH, JointPath, why_closest
 from tripod_ik.mesh_error import mesh_of
 from tripod_ik.model import StaticModel
-from tripod_ik.pathfinder import Pathfinder
+from tripod_ik.planner import Planner
+from tripod_ik.roadmap import Roadmap
 from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tasks import Task, total_distance
 from tripod_ik.tracker import Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal, TrackerSettings
-from tripod_ik.way import NOWHERE, Way, why_closest
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
@@ -153,7 +153,7 @@ class _Motion:
         self._tracker = Tracker(settings, guide=self._way)
         self._tracker.resize(joints.count)
         self._tracker.narrow(joints.low, joints.high, settings.angle_speed)
-        self._finder: Pathfinder | None = None
+        self._finder: Planner | None = None
         self._least = np.inf
         self.reason = ""
         self.path: list[FloatArray] = []
@@ -205,18 +205,18 @@ class _Motion:
         if self._progress:
             self._progress(self.linearisations, self._least)
 
-    def _way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()) -> Way:
-        """Return the way to the closest pose: see `Ask`."""
+    def _way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()) -> JointPath:
+        """Return the way to the closest pose: see `PathSource`."""
         try:
             if self._finder is None:
-                atlas = Atlas.of(self.model.scene, self.model.slide, lambda _: self._tell(np.inf))
-                self._finder = Pathfinder(
-                    atlas, *self._tracker.reach, progress=lambda _, missing: self._tell(missing)
+                roadmap = Roadmap.of(self.model.scene, self.model.slide, lambda _: self._tell(np.inf))
+                self._finder = Planner(
+                    roadmap, *self._tracker.reach, progress=lambda _, missing: self._tell(missing)
                 )
             way = self._finder.way(state, tasks, trail)
         except (SceneError, StepError) as error:
             self.reason = f"there is no model with which to search further: {error}"
-            return NOWHERE
+            return NO_PATH
         self.reason = way.reason
         self.path += [state.angles, *way.stops[:-1]]
         return way

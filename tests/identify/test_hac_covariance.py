@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from tests.identify.robots import MOVING, POSE, beam
-from tripod_identify.columns import Channel
+from tripod_identify.csv_columns import Channel
 from tripod_identify.fit import fit, profile
-from tripod_identify.left_over import Smooth
+from tripod_identify.hac_covariance import HacCovariance
+from tripod_identify.lack_of_fit import Smooth
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import REST, _solve
 from tripod_identify.model import plainly, predict
 from tripod_identify.parameters import parameters
 from tripod_identify.problem import Problem
-from tripod_identify.together import Together
 
 ROWS, STEP, DRAWS = 120, 0.01, 250
 TIP = tuple(Channel("tip", axis) for axis in range(3))
@@ -149,7 +149,7 @@ def test_the_spectrum_is_that_of_errors_which_remember() -> None:
         red[k] = memory * red[k - 1] + np.sqrt(1 - memory**2) * red[k]
     use = np.ones(red.shape, dtype=bool)
     use[::7] = False  # missing rows change nothing
-    found = Together.of(np.where(use, red, np.nan), use, ANGLE, *nothing_fitted(rows))
+    found = HacCovariance.of(np.where(use, red, np.nan), use, ANGLE, *nothing_fitted(rows))
     w = np.linspace(0, np.pi, rows + 1)
     expected = (1 - memory**2) / np.abs(1 - memory * np.exp(1j * w)) ** 2
     for spectrum in found.spectra:
@@ -165,7 +165,7 @@ def test_the_spectrum_is_that_of_errors_which_remember() -> None:
 def test_of_few_rows_or_none_nothing_is_said() -> None:
     for rows in (1, 2, 3):
         use = np.ones((rows, 6), dtype=bool)
-        found = Together.of(np.zeros((rows, 6)), use, ANGLE, *nothing_fitted(rows))
+        found = HacCovariance.of(np.zeros((rows, 6)), use, ANGLE, *nothing_fitted(rows))
         assert found.spectra is None
         assert not found.more(np.ones((rows, 6, 2))).any()
         assert found.worth(use) == 6 * rows

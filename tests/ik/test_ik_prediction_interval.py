@@ -9,12 +9,12 @@ import numpy as np
 from tests.ik.plant import SpringRobot
 from tests.messages import assert_names, names, raises_naming
 from tripod_ik.errors import IkError
-from tripod_ik.expected import APART, STILL, Expected, ExpectedError
+from tripod_ik.prediction_interval import APART, STILL, ExpectedError, PredictedError
 from tripod_ik.settings import PARAMETERS, expected
 from tripod_sim import load_scene
 
 ROBOT, ANGLES = SpringRobot(slide=0.035), np.array([-1.2, -1.4, -0.9])
-ERROR = Expected(np.array([1e-4, 0, 2e-4, 0, 0, 1e-3]), np.full(6, 3e-4))
+ERROR = PredictedError(np.array([1e-4, 0, 2e-4, 0, 0, 1e-3]), np.full(6, 3e-4))
 
 
 class Bars:
@@ -23,7 +23,7 @@ class Bars:
     def __init__(self, off: float = 0.0, failure: Exception | None = None) -> None:
         self.off, self.failure, self.asked = off, failure, 0
 
-    def __call__(self, angles: np.ndarray, slide: float) -> tuple[np.ndarray, Expected]:
+    def __call__(self, angles: np.ndarray, slide: float) -> tuple[np.ndarray, PredictedError]:
         self.asked += 1
         if self.failure:
             raise self.failure
@@ -82,6 +82,6 @@ def test_nothing_is_loaded_where_nobody_asks() -> None:
         "from tripod_ik.settings import PARAMETERS, expected\n"
         "from tripod_sim import load_scene\n"
         "assert expected({p.name: p.default for p in PARAMETERS}, load_scene('tripod')) is None\n"
-        "assert not {'tripod_ik.expected', 'tripod_identify'} & set(sys.modules)"
+        "assert not {'tripod_ik.prediction_interval', 'tripod_identify'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

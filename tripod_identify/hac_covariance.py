@@ -37,7 +37,7 @@ GIVEN_BACK = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
+class HacCovariance:
     """How the errors of k rows of m numbers hang together.
 
     Attributes:
@@ -57,7 +57,7 @@ class Together:
         angle: NDArray[np.bool_],
         columns: FloatArray,
         inverse: FloatArray,
-    ) -> "Together":
+    ) -> "HacCovariance":
         """Return what residuals of a motion show.
 
         Args:

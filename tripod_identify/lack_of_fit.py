@@ -19,7 +19,7 @@ RULES = 0.5
 
 
 @dataclass(frozen=True)
-class LeftOver:
+class LackOfFit:
     """Residuals divided.
 
     Attributes:
@@ -88,7 +88,7 @@ class Smooth:
         )
 
 
-def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
+def lack_of_fit(residuals: FloatArray, along: FloatArray) -> LackOfFit:
     """Return how residuals divide into a polynomial of second degree in what they go along with, and scatter.
 
     Where the rows do not suffice, of first degree. Tested by Fisher's F.
@@ -101,10 +101,10 @@ def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
     smooth = Smooth.of(along)
     linear, squares = smooth.linear(along), smooth.squares(along)
     if linear.shape[1] == 1:
-        return LeftOver(rms, 0.0, rms, np.nan)
+        return LackOfFit(rms, 0.0, rms, np.nan)
     terms = next((t for t in (squares, linear) if len(along) >= 2 * t.shape[1] + 4), None)
     if terms is None:
-        return LeftOver(rms, 0.0, rms, np.nan)
+        return LackOfFit(rms, 0.0, rms, np.nan)
     before = after = 0.0
     given = freedom = count = 0
     for column in residuals.T:
@@ -117,14 +117,14 @@ def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
         after += float(((column[own] - fitted) ** 2).sum())
         given, freedom, count = given + q, freedom + n - q, count + n
     if not freedom or after <= 0:
-        return LeftOver(rms, 0.0, rms, np.nan)
+        return LackOfFit(rms, 0.0, rms, np.nan)
     scatter = after / freedom
     chance = float(fisher.sf((before - after) / given / scatter, given, freedom))
     systematic = max(before - after - given * scatter, 0.0) / count
-    return LeftOver(rms, float(np.sqrt(systematic)), float(np.sqrt(scatter)), chance)
+    return LackOfFit(rms, float(np.sqrt(systematic)), float(np.sqrt(scatter)), chance)
 
 
-def what_is_left(residuals: FloatArray, measured: Measured, scene: Scene) -> LeftOver:
+def what_is_left(residuals: FloatArray, measured: Measured, scene: Scene) -> LackOfFit:
     """Return what residuals of data are made of: of places, of rotations where there is no place.
 
     Args:
@@ -134,4 +134,4 @@ def what_is_left(residuals: FloatArray, measured: Measured, scene: Scene) -> Lef
     """
     angle = np.array([c.angle for c in measured.channels])
     along = measured.joints(scene) if measured.times is None else measured.times[:, None]
-    return left_over(residuals[:, ~angle if (~angle).any() else angle], along)
+    return lack_of_fit(residuals[:, ~angle if (~angle).any() else angle], along)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.identify.robots import beam, tripod
 from tests.messages import assert_names, raises_naming
-from tripod_identify.columns import Channel, read_header
+from tripod_identify.csv_columns import Channel, read_header
 from tripod_identify.errors import DataError
 from tripod_identify.measured import read_csv
 from tripod_identify.observe import parse_point

@@ -1,4 +1,4 @@
-"""The quickest way over the poses of an atlas, several servos turning at once. Pure."""
+"""The quickest way over the poses of an roadmap, several servos turning at once. Pure."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.model import MISSED, PART
-from tripod_ik.snap import HURRY, SOFTEST, WITHIN
+from tripod_ik.snap_through import HURRY, SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.tracker_settings import TrackerSettings
 
@@ -86,8 +86,8 @@ def quickest(start: LinearState, end: LinearState) -> float:
     return max(float(np.linalg.norm(move)) / SPEED, float(np.abs(turn).max()) / TURN)
 
 
-class Roads:
-    """Ways between poses of a grid, by steps in which each servo turns by one cell or not at all.
+class RoadmapPaths:
+    """ShortestPaths between poses of a grid, by steps in which each servo turns by one cell or not at all.
 
     A step in which several turn is one where turning one after the other leads to the same pose in any order: there the
     sheet of equilibria has no end between them, as far as the grid tells.
@@ -132,16 +132,16 @@ class Roads:
         """Return the poses that each step leads from and to, shape (k, 2)."""
         return np.transpose(self._times.nonzero())
 
-    def ways(self, start: int, among: Collection[int]) -> "Ways":
+    def ways(self, start: int, among: Collection[int]) -> "ShortestPaths":
         """Return the quickest ways from a pose to all of `among`, by these."""
         numbers = np.array(sorted(among))
         first = int(np.searchsorted(numbers, start))
         times, before = dijkstra(self._times[numbers][:, numbers], indices=first, return_predecessors=True)
-        return Ways(numbers, times, before)
+        return ShortestPaths(numbers, times, before)
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class ShortestPaths:
     """The quickest ways from a pose to others.
 
     Attributes:

@@ -23,10 +23,10 @@ from scipy.stats import t as student
 
 from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
-from tripod_identify.columns import EFFECTOR, Channel
+from tripod_identify.csv_columns import EFFECTOR, Channel
 from tripod_identify.errors import DataError
 from tripod_identify.fit import CONFIDENCE, Fit
-from tripod_identify.left_over import Smooth
+from tripod_identify.lack_of_fit import Smooth
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import FACTOR, REST, Amounts, Shares, between
 from tripod_identify.model import Rest, Told, plainly, rest_states

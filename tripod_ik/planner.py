@@ -7,20 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_ik.atlas import SAME, SHORTEST, SPACING, Atlas
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
+from tripod_ik.joint_path import NO_PATH, JointPath
 from tripod_ik.limits import AngleLimit, Motion, StepLimit
 from tripod_ik.merit import limits_passed
 from tripod_ik.model import Saved
 from tripod_ik.problem import build_ik
-from tripod_ik.roads import DIGITS, quickest, time_of
+from tripod_ik.roadmap import SAME, SHORTEST, SPACING, Roadmap
+from tripod_ik.roadmap_path import DIGITS, quickest, time_of
 from tripod_ik.row_limits import RowLimit, TorqueLimit
-from tripod_ik.snap import SOFTEST, WITHIN, longest_step
+from tripod_ik.snap_through import SOFTEST, WITHIN, longest_step
 from tripod_ik.solver import IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image
 from tripod_ik.tasks import PositionTask, Task, TiltTask, total_distance
-from tripod_ik.way import NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
 
 DAMPING = 1e-3
@@ -74,7 +74,7 @@ Stop = tuple[Saved, LinearState]
 
 
 HERE = -1
-"""In place of the number of a pose of the atlas: where the robot is."""
+"""In place of the number of a pose of the roadmap: where the robot is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Found:
 
     Attributes:
         solution: The pose.
-        number: The pose of the atlas that the search began at; `HERE`: where the robot is.
+        number: The pose of the roadmap that the search began at; `HERE`: where the robot is.
         trail: The poses from there to the end, in this order.
     """
 
@@ -92,8 +92,8 @@ class Found:
     trail: tuple[Stop, ...]
 
 
-class Pathfinder:
-    """Finds poses of an atlas, and ways to them. What it answers depends on nothing that it was asked before.
+class Planner:
+    """Finds poses of an roadmap, and ways to them. What it answers depends on nothing that it was asked before.
 
     Attributes:
         model: Left anywhere.
@@ -102,25 +102,25 @@ class Pathfinder:
 
     def __init__(
         self,
-        atlas: Atlas,
+        roadmap: Roadmap,
         angles: AngleLimit,
         row_limits: Sequence[RowLimit] = (),
         *,
         tolerance: float = 1e-6,
         progress: Callable[[int, float], None] | None = None,
     ) -> None:
-        """Look in `atlas`.
+        """Look in `roadmap`.
 
         Args:
-            atlas: Poses of the robot; its model is left anywhere.
+            roadmap: Poses of the robot; its model is left anywhere.
             angles: Limits of the angles.
             row_limits: Of torques and effector.
             tolerance: What may be missing of a target that is met [m].
             progress: Called with the number of programs so far and with what the best one misses [m].
         """
-        self._atlas, self.model, self._progress = atlas, atlas.model, progress
+        self._roadmap, self.model, self._progress = roadmap, roadmap.model, progress
         self._angles, self._row_limits = angles, tuple(row_limits)
-        home = atlas.poses[0].state
+        home = roadmap.poses[0].state
         self._low, self._high = angles.interval(Motion(home, home.angles, 0.0))
         self._tolerance = tolerance
         self._symmetric = np.ptp(self._low) == 0.0 == np.ptp(self._high) and all(
@@ -130,32 +130,32 @@ class Pathfinder:
         n = len(home.angles)
         self._foretell = IkSolver(n, rows=sum(limit.size(n) for limit in self._row_limits))
         self._solver = InverseSolver(
-            atlas.model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
+            roadmap.model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
         )  # fmt: skip
         self._excess: dict[int, float] = {}
 
     def _beyond(self, number: int) -> float:
         """Return how far a pose is beyond the limits [rad]."""
         if number not in self._excess:
-            state = self._atlas.poses[number].state
+            state = self._roadmap.poses[number].state
             angles = max((self._low - state.angles).max(), (state.angles - self._high).max())
             self._excess[number] = max(0.0, float(angles), limits_passed(state, self._row_limits))
         return self._excess[number]
 
     def prepare(self) -> None:
         """Find the poses that every answer looks at: what takes long of the first one."""
-        self._atlas.within(FARTHEST)
-        _ = self._atlas.roads
+        self._roadmap.within(FARTHEST)
+        _ = self._roadmap.roads
 
     def around(self, state: LinearState, trail: Sequence[LinearState] = ()) -> tuple[list[int], list[Stop]]:
         """Bring the model to `state`; return the poses that hang together with that, by poses within the limits, the
         nearest one first, and the stops from there to `state`; no poses where the model does not come to `state`.
 
-        `trail`: states that the robot came by. A state farther off than the poses of the atlas is come to by these.
+        `trail`: states that the robot came by. A state farther off than the poses of the roadmap is come to by these.
         """
-        inside = self._atlas.within(FARTHEST)
+        inside = self._roadmap.within(FARTHEST)
         stops: list[Stop] = []
-        start = self._atlas.find(state, inside)
+        start = self._roadmap.find(state, inside)
         if start is None:
             start, stops = self._along(trail, state, inside)
         return ([], []) if start is None else (self._hanging_together(start, inside), stops)
@@ -164,9 +164,9 @@ class Pathfinder:
         self, trail: Sequence[LinearState], state: LinearState, inside: Collection[int]
     ) -> tuple[int | None, list[Stop]]:
         """Bring the model to `state` along a trail; return the pose that it came from and the stops on the way."""
-        near = [k for k, passed in enumerate(trail) if self._atlas.distance(passed.equilibrium) < FARTHEST]
+        near = [k for k, passed in enumerate(trail) if self._roadmap.distance(passed.equilibrium) < FARTHEST]
         for first in sorted({0, *near[-1:]}, reverse=True) if trail else ():
-            if (start := self._atlas.find(trail[first], inside)) is None:
+            if (start := self._roadmap.find(trail[first], inside)) is None:
                 continue
             stops = [(self.model.save(), trail[first])]
             with suppress(StepError, SceneError):
@@ -184,7 +184,7 @@ class Pathfinder:
         """
         found, seen = [start], {start}
         for number in found:
-            for other in self._atlas.poses[number].neighbours:
+            for other in self._roadmap.poses[number].neighbours:
                 allowed = self._beyond(other) <= max(SPACING, self._beyond(number))
                 if other in among and other not in seen and allowed:
                     seen.add(other)
@@ -207,12 +207,12 @@ class Pathfinder:
         Args:
             tasks: What to do.
             near: Of poses equally good the one nearest to these angles [rad] is taken, shape (s,).
-            around: Poses of the atlas that it has to hang together with; None for home.
+            around: Poses of the roadmap that it has to hang together with; None for home.
             most: Programs to solve, at most.
         """
         if around is None:
-            around, _ = self.around(self._atlas.poses[0].state)
-        inside = self._atlas.within(FARTHEST)
+            around, _ = self.around(self._roadmap.poses[0].state)
+        inside = self._roadmap.within(FARTHEST)
         straight = [
             replace(task, curvature=0.0) if isinstance(task, PositionTask | TiltTask) else task
             for task in tasks
@@ -258,7 +258,7 @@ class Pathfinder:
 
     def _promising(self, tasks: Sequence[Task], numbers: Sequence[int]) -> list[tuple[Promise, Found]]:
         """Return poses from which a step leads near to what `tasks` ask, to different ends, and what it promises."""
-        poses = self._atlas.poses
+        poses = self._roadmap.poses
         missed = foretold(tasks, [poses[n].state for n in numbers])
         some = [numbers[i] for i in np.argsort(missed, kind="stable")[:PROMISING]]
         promised = {n: self._promised(tasks, poses[n].state) for n in some}
@@ -273,8 +273,8 @@ class Pathfinder:
         return [(promised[n][0], self._begun(tasks, n)) for n in chosen]
 
     def _begun(self, tasks: Sequence[Task], number: int) -> Found:
-        """Return the search that begins at a pose of the atlas, or at the nearest angles that are allowed."""
-        pose = self._atlas.poses[number]
+        """Return the search that begins at a pose of the roadmap, or at the nearest angles that are allowed."""
+        pose = self._roadmap.poses[number]
         trail: tuple[Stop, ...] = ((pose.saved, pose.state),)
         inside = np.clip(pose.state.angles, self._low, self._high)
         if (inside != pose.state.angles).any():
@@ -314,15 +314,15 @@ class Pathfinder:
             self._progress(self.count, solution.residual)
         return Found(solution, found.number, (*found.trail, *self._solver.trail))
 
-    def way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()) -> Way:
-        """Return the way from `state` to the pose that meets `tasks` best; `NOWHERE` where the model does not come to
-        `state`. It is an `Ask` that answers at once.
+    def way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState] = ()) -> JointPath:
+        """Return the way from `state` to the pose that meets `tasks` best; `NO_PATH` where the model does not come to
+        `state`. It is a `PathSource` that answers at once.
 
         Of questions that are images of each other one is answered, so that the answers are images, too.
         """
-        asked = [(self._atlas.images[0], tuple(tasks))]
+        asked = [(self._roadmap.images[0], tuple(tasks))]
         if self._symmetric:
-            seen = [(image, [image.task(task) for task in tasks]) for image in self._atlas.images]
+            seen = [(image, [image.task(task) for task in tasks]) for image in self._roadmap.images]
             asked = [(image, tuple(t for t in found if t)) for image, found in seen if all(found)] or asked
         image, tasks = max(asked, key=lambda question: _order(state, *question))
         way = self._way(image.state(state), tasks, [image.state(passed) for passed in trail])
@@ -330,14 +330,14 @@ class Pathfinder:
             way,
             stops=np.array([image.back(stop) for stop in way.stops]).reshape(way.stops.shape),
             limits=image.names(way.limits, state.joint_names),
-        ) if way is not NOWHERE else NOWHERE  # fmt: skip
+        ) if way is not NO_PATH else NO_PATH  # fmt: skip
 
-    def _way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState]) -> Way:
+    def _way(self, state: LinearState, tasks: Sequence[Task], trail: Sequence[LinearState]) -> JointPath:
         around, back = self.around(state, trail)
         if not around:
-            return NOWHERE
+            return NO_PATH
         farthest = _missed(tasks, state) + DETOUR
-        poses = self._atlas.poses
+        poses = self._roadmap.poses
         inside = {number for number in around[1:] if _missed(tasks, poses[number].state) <= farthest}
         near, here = self._hanging_together(around[0], inside), (self.model.save(), state)
         begin, count = [here, *reversed(back)], self.count
@@ -346,14 +346,14 @@ class Pathfinder:
         if best.solution.outcome is not Outcome.REACHED:
             on, best = best, self.closest(tasks, state.angles, around)
             if back and on.solution.residual < best.solution.residual + SAME:
-                best = on  # it is beyond the poses of the atlas, and better goes on
+                best = on  # it is beyond the poses of the roadmap, and better goes on
         kept = self._shortened(*self._stops(best, around[0], around, begin))
         if len(near) < len(around) and max(_missed(tasks, stop) for _, stop in kept) > farthest:
             left = max(PROGRAMS - (self.count - count), LEAST)
             closer = self.closest(tasks, state.angles, near, left)
             if closer.solution.residual <= best.solution.residual + GAINED:
                 best, kept = closer, self._shortened(*self._stops(closer, around[0], near, begin))
-        return Way(
+        return JointPath(
             np.array([stop.angles for _, stop in kept[1:]]),
             best.solution.residual,
             best.solution.active_limits,
@@ -368,22 +368,22 @@ class Pathfinder:
 
         Args:
             best: The search.
-            start: The pose of the atlas that the robot came from.
-            among: Poses of the atlas that the way may lead by.
+            start: The pose of the roadmap that the robot came from.
+            among: Poses of the roadmap that the way may lead by.
             back: Where the robot is, and the stops from there to that pose.
         """
         rest = best.trail[1:]
         if best.number == HERE:
             return [back[0], *rest], len(rest)
-        ways = self._atlas.roads.ways(start, among)
+        ways = self._roadmap.roads.ways(start, among)
         number, longest = best.number, ways.time(best.number) + time_of([found for _, found in best.trail])
-        for time, other in self._atlas.near(best.solution.state, among, ways):
+        for time, other in self._roadmap.near(best.solution.state, among, ways):
             if time > longest - WORTH or other == best.number:
                 break
-            if self._atlas.comes_to(best.solution.state, other):
+            if self._roadmap.comes_to(best.solution.state, other):
                 number, rest = other, best.trail[-1:]
                 break
-        poses = [self._atlas.poses[n] for n in ways.to(number)]
+        poses = [self._roadmap.poses[n] for n in ways.to(number)]
         return [*back, *((p.saved, p.state) for p in poses), *rest], len(rest)
 
     def _reason(
@@ -395,8 +395,8 @@ class Pathfinder:
         """
         if not self._row_limits or solution.residual <= GAINED:
             return ""
-        free = Pathfinder(self._atlas, self._angles, tolerance=self._tolerance)
-        all_around = free._hanging_together(around[0], self._atlas.within(FARTHEST))
+        free = Planner(self._roadmap, self._angles, tolerance=self._tolerance)
+        all_around = free._hanging_together(around[0], self._roadmap.within(FARTHEST))
         names = {name for limit in self._row_limits for name in limit.rows(state).names}
         if len(all_around) == len(around) and names.isdisjoint(solution.active_limits):
             return ""

@@ -11,14 +11,14 @@ import pytest
 from tests.ik.plant import SpringRobot
 from tests.messages import assert_names, raises_naming
 from tripod_ik.errors import IkError
-from tripod_ik.guidance import Guidance
-from tripod_ik.guide import HANDOVER, Guide
+from tripod_ik.joint_path import NEAR_PATH, NO_PATH, JointPath
+from tripod_ik.path_follower import PathFollower
+from tripod_ik.planner_thread import HANDOVER, PlannerThread
 from tripod_ik.problem import build_ik
 from tripod_ik.solver import IkSolver
 from tripod_ik.tasks import PositionTask, PostureTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
-from tripod_ik.way import NEAR_WAY, NOWHERE, Way
 
 WORKING = np.full(3, -1.4965)
 DT = 0.01  # [s]
@@ -62,7 +62,7 @@ def from_line(point, start, end):
 
 
 def test_it_waits_for_the_answer_goes_straight_from_stop_to_stop_and_rests_there_until_the_target_moves():
-    robot = Robot([None] * 5 + [Way(STOPS, 1e-3, ("snap",), FIRM)])
+    robot = Robot([None] * 5 + [JointPath(STOPS, 1e-3, ("snap",), FIRM)])
     robot.until_asked()
     waiting = robot.run(5)
     assert [step.waits for step in waiting] == [True] * 5
@@ -90,7 +90,7 @@ def test_it_waits_for_the_answer_goes_straight_from_stop_to_stop_and_rests_there
     assert robot.plant.rest(robot.angles) == pytest.approx(goal, abs=1e-6)
 
 
-@pytest.mark.parametrize("answer", [NOWHERE, Way(STOPS, 0.2, (), FIRM)])
+@pytest.mark.parametrize("answer", [NO_PATH, JointPath(STOPS, 0.2, (), FIRM)])
 def test_where_there_is_no_better_pose_it_stays_and_asks_no_more(answer):
     robot = Robot([answer])
     robot.until_asked()
@@ -101,7 +101,7 @@ def test_where_there_is_no_better_pose_it_stays_and_asks_no_more(answer):
 
 
 def test_a_way_that_is_blocked_is_given_up():
-    robot = Robot([Way(STOPS, 1e-3, (), FIRM)])
+    robot = Robot([JointPath(STOPS, 1e-3, (), FIRM)])
     robot.until_asked()
     blocked = robot.run(260, obeys=False)
     assert np.abs(blocked[50].result.command - robot.angles).max() > 0.1
@@ -112,7 +112,7 @@ def led(firmness, way, *, firm=0.0, move=0.0):
     """Return where a way leads after a step from the working pose, and where after the target has moved by `move`."""
     slope = np.array([1.0, 0.0, 0.0])
     state = replace(SpringRobot(slide=0.035).state(WORKING), firmness=firmness, firmness_slope=slope)
-    guidance, target = Guidance(lambda *_: way), np.zeros(6)
+    guidance, target = PathFollower(lambda *_: way), np.zeros(6)
     for k in range(3):
         guidance.look(state, [], target, 0.01, k * DT, closest=True)
     found = []
@@ -122,7 +122,7 @@ def led(firmness, way, *, firm=0.0, move=0.0):
 
 
 def test_a_target_that_moves_while_the_body_calms_down_needs_another_way():
-    softer = Way(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.08]))
+    softer = JointPath(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.08]))
     goes, on = led(0.2, softer, move=2e-3)
     assert goes[0] < WORKING[0]
     assert on is not None
@@ -132,14 +132,14 @@ def test_a_target_that_moves_while_the_body_calms_down_needs_another_way():
 
 
 def test_out_of_where_the_body_is_soft_it_goes_though_it_swings():
-    firmer = Way(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.28]))
+    firmer = JointPath(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.28]))
     assert led(0.1, firmer, firm=0.15)[0][0] < WORKING[0] - 1e-4
 
 
 def test_a_way_that_ends_soft_is_gone_slowly_though_the_body_is_firm_where_it_is():
     """It is where it was commanded to be a while ago."""
     soft, hard = (
-        Way(WORKING - np.array([[0.02, 0.0, 0.0]]), 1e-3, (), np.array([end])) for end in (0.07, 1.0)
+        JointPath(WORKING - np.array([[0.02, 0.0, 0.0]]), 1e-3, (), np.array([end])) for end in (0.07, 1.0)
     )
     assert led(1.0, hard)[0] == pytest.approx(WORKING - np.array([0.02, 0.0, 0.0]))
     part = (WORKING - led(1.0, soft)[0])[0] / 0.02
@@ -178,15 +178,15 @@ class Finder:
 @pytest.mark.parametrize(
     ("answer", "named"),
     [
-        (Way(STOPS, 0.0, (), FIRM), ()),
-        (NOWHERE, ("robot", "model")),
+        (JointPath(STOPS, 0.0, (), FIRM), ()),
+        (NO_PATH, ("robot", "model")),
         (IkError("no servos"), ("no model", "no servos")),
         (KeyError("x"), ("no model", "KeyError: 'x'")),
     ],
 )
 def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, named):
     finder, slides = Finder(answer), []
-    guide = Guide(lambda slide: slides.append(slide) or finder)
+    guide = PlannerThread(lambda slide: slides.append(slide) or finder)
     state, tasks = SpringRobot(slide=0.035).state(WORKING), [PositionTask(np.zeros(3))]
     guide.slide = 0.035
     assert guide(state, tasks) is None
@@ -195,10 +195,10 @@ def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, named):
     assert guide(state, tasks) is None
     finder.go.set()
     guide.close(60.0)
-    assert guide(state, tasks) is (NOWHERE if isinstance(answer, Exception) else answer)
+    assert guide(state, tasks) is (NO_PATH if isinstance(answer, Exception) else answer)
     assert guide.notice != searching
     if named:
-        assert guide.notice.startswith(NEAR_WAY)
+        assert guide.notice.startswith(NEAR_PATH)
         assert_names(guide.notice, *named)
     else:
         assert guide.notice == ""
@@ -210,8 +210,8 @@ def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, named):
 
 
 def test_a_guide_prepares_its_answers_once_where_the_slide_stays():
-    finder, slides = Finder(NOWHERE), []
-    guide = Guide(lambda slide: slides.append(slide) or finder)
+    finder, slides = Finder(NO_PATH), []
+    guide = PlannerThread(lambda slide: slides.append(slide) or finder)
     for now, slide in ((0.0, 0.02), (0.9, 0.02), (1.0, 0.03), (1.9, 0.03)):
         guide.stand(slide, now)
         guide.close(60.0)
@@ -235,7 +235,7 @@ def test_a_guide_hands_the_interpreter_over_while_it_looks():
                 solved.append(solver.solve(build_ik(state, [task])))
                 begun.set()
 
-    guide = Guide(lambda slide: Solving(NOWHERE))
+    guide = PlannerThread(lambda slide: Solving(NO_PATH))
     sys.setswitchinterval(0.1)
     try:
         guide.stand(0.035, 0.0)
@@ -257,7 +257,7 @@ def test_a_guide_hands_the_interpreter_over_while_it_looks():
 
 def test_it_asks_as_soon_as_the_target_stands_still_where_steps_do_not_better_the_pose():
     state, target, asked = SpringRobot(slide=0.035).state(WORKING), np.zeros(6), []
-    guidance = Guidance(lambda state, *_: asked.append(state))
+    guidance = PathFollower(lambda state, *_: asked.append(state))
     for k in range(8):  # the target moves
         guidance.look(state, (), target + 1e-3 * k, 3e-3, k * DT, closest=True)
     for k in range(8, 16):  # steps come closer
@@ -270,7 +270,7 @@ def test_it_asks_as_soon_as_the_target_stands_still_where_steps_do_not_better_th
 @pytest.mark.parametrize(("closest", "waits"), [(True, True), (False, False)])
 def test_a_robot_that_could_still_move_waits_for_an_answer_for_a_short_while_only(closest, waits):
     state, target = SpringRobot(slide=0.035).state(WORKING), np.zeros(6)
-    guidance = Guidance(lambda *_: None)
+    guidance = PathFollower(lambda *_: None)
     for now in (0.0, DT):
         guidance.look(state, (), target, 3e-3, now, closest=closest, before_snap=True)
 

@@ -56,7 +56,7 @@ def longest_step(state: LinearState) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class SnapLimit(RowLimit):
+class SnapThroughLimit(RowLimit):
     """The firmness at rest stays above `least`.
 
     Attributes:

@@ -7,11 +7,11 @@ import pytest
 
 from tests.ik.plant import SpringRobot
 from tests.scenes import SHARP
-from tripod_ik.atlas import SPACING, Atlas
-from tripod_ik.guidance import steps_of
 from tripod_ik.model import StaticModel
-from tripod_ik.roads import LEAST, SPEED, TURN, Roads, quickest, time_of
-from tripod_ik.snap import HURRY
+from tripod_ik.path_follower import steps_of
+from tripod_ik.roadmap import SPACING, Roadmap
+from tripod_ik.roadmap_path import LEAST, SPEED, TURN, RoadmapPaths, quickest, time_of
+from tripod_ik.snap_through import HURRY
 from tripod_sim import load_scene
 
 SLIDE = 0.035
@@ -35,20 +35,20 @@ def square(**changed):
 
 def test_servos_turn_at_once_where_any_order_leads_to_the_same_pose():
     states, both = square(), [{1, 2}, {0, 3}, {0, 3}, {1, 2}]
-    assert Roads(states, SQUARE, both).ways(0, range(4)).to(3) == [0, 3]
+    assert RoadmapPaths(states, SQUARE, both).ways(0, range(4)).to(3) == [0, 3]
     torn = [{1, 2}, {0, 3}, {0}, {1}]
-    assert Roads(states, SQUARE, torn).ways(0, range(4)).to(3) == [0, 1, 3]
+    assert RoadmapPaths(states, SQUARE, torn).ways(0, range(4)).to(3) == [0, 1, 3]
 
 
 def test_servos_do_not_turn_at_once_where_the_effector_does_not_move_as_its_jacobians_say():
     states = square()
     far = square(_3={"effector": states[3].effector + 0.01})
     both = [{1, 2}, {0, 3}, {0, 3}, {1, 2}]
-    assert len(Roads(far, SQUARE, both).ways(0, range(4)).to(3)) == 3
+    assert len(RoadmapPaths(far, SQUARE, both).ways(0, range(4)).to(3)) == 3
 
 
 def test_a_pose_without_a_way_to_it_is_infinitely_far():
-    ways = Roads(square(), SQUARE, [{1}, {0}, {3}, {2}]).ways(0, range(4))
+    ways = RoadmapPaths(square(), SQUARE, [{1}, {0}, {3}, {2}]).ways(0, range(4))
     assert ways.time(1) < 1.0
     assert ways.time(3) == np.inf
 
@@ -83,7 +83,7 @@ def test_where_the_body_does_not_get_softer_a_way_is_as_long_as_its_jacobian_say
 @pytest.fixture(scope="module")
 def flat():
     model = StaticModel(load_scene(SHARP), SLIDE)
-    return Atlas(model, model.home - 0.6, model.home + 0.6)
+    return Roadmap(model, model.home - 0.6, model.home + 0.6)
 
 
 def test_steps_of_several_servos_do_not_snap(flat):

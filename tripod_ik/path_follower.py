@@ -9,10 +9,10 @@ from math import expm1, inf
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_ik.snap import HURRY, SOFTEST, WITHIN
+from tripod_ik.joint_path import PathSource
+from tripod_ik.snap_through import HURRY, SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
-from tripod_ik.way import Ask
 
 STILL, MOVED = 2e-5, 1e-3
 """A target that moves by less than STILL [m, of a normal] is the same; one that moves by MOVED needs another way."""
@@ -55,7 +55,7 @@ def steps_of(move: float, fall: float) -> float:
     return fall / (1.0 - max(left, 0.0) ** 2)
 
 
-class Guidance:
+class PathFollower:
     """Asks for a way where the tracker stands still, leads it there and holds it there until the target moves.
 
     Attributes:
@@ -63,7 +63,7 @@ class Guidance:
         limits: What keeps the effector from coming closer there.
     """
 
-    def __init__(self, ask: Ask | None) -> None:
+    def __init__(self, ask: PathSource | None) -> None:
         """`ask`: where ways come from; None leads nowhere."""
         self._ask = ask
         self.reset()

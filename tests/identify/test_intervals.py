@@ -11,7 +11,10 @@ from tests.identify.robots import POSE as CHANNELS
 from tests.identify.robots import commands, measured, tripod
 from tests.messages import assert_names, raises_naming
 from tripod_bringup.ik_command import expected_error, solution_rows
-from tripod_identify.bars import (
+from tripod_identify.errors import DataError
+from tripod_identify.identify import Wanted, identify
+from tripod_identify.identify import as_json as result_json
+from tripod_identify.intervals import (
     POSE,
     Linearised,
     Posterior,
@@ -21,16 +24,13 @@ from tripod_identify.bars import (
     posterior_from_json,
     read_posterior,
 )
-from tripod_identify.errors import DataError
-from tripod_identify.identify import Wanted, identify
-from tripod_identify.identify import as_json as result_json
-from tripod_identify.left_over import Smooth
+from tripod_identify.lack_of_fit import Smooth
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import FACTOR, Amounts
 from tripod_identify.model import plainly, predict
 from tripod_identify.parameters import parameters, told
 from tripod_identify.problem import refined
-from tripod_ik.once import solve_once
+from tripod_ik.solve_once import solve_once
 
 SCENE = tripod("servos.slide=0.02")
 SD = {

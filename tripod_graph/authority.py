@@ -9,7 +9,7 @@ STAMP_STEP = 1e-3
 """Two decisions of one operator differ in their stamps by at least this [s]: by the stamp they are told apart."""
 
 
-class Mandate:
+class OperatorAuthority:
     """What one operator has decided, and what is in force.
 
     Attributes:
