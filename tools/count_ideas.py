@@ -125,12 +125,13 @@ def types(found: Trees) -> list[str]:
 
 
 def scheme_names(found: Trees) -> list[str]:
-    """Return the comparisons of the name of a time scheme."""
+    """Return the comparisons of the name of a time scheme, but for numbers that a module gives itself."""
     return [
         f"{path}:{node.lineno}"
         for path, tree in found.items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Compare) and any(map(_names_scheme, (node.left, *node.comparators)))
+        if not _own_names(tree) & {_last_name(side) for side in (node.left, *node.comparators)}
     ]
 
 
@@ -141,7 +142,7 @@ IDEAS = {
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 5, circles),
     "types": Idea(0, 15, types),
-    "scheme names": Idea(0, 10, scheme_names),
+    "scheme names": Idea(0, 0, scheme_names),
 }
 
 
@@ -205,6 +206,12 @@ def _takes_back(call: ast.Call) -> bool:
 
 def _is_half(node: ast.AST) -> bool:
     return isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div) and ast.unparse(node.right) == "2"
+
+
+def _own_names(tree: ast.Module) -> set[str]:
+    """Return the names that a module assigns at its top, as those of tuples are."""
+    stored = [n for statement in tree.body if isinstance(statement, ast.Assign) for n in ast.walk(statement)]
+    return {n.id for n in stored if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
 
 
 def _names_scheme(node: ast.AST) -> bool:

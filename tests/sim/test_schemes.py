@@ -43,7 +43,16 @@ def with_radius(rho: float) -> ImplicitScheme:
     return replace(ALPHA, rho_inf=rho)
 
 
-EVERY = [*SCHEMES.values(), *(with_radius(rho) for rho in (0.0, 0.5, 1.0))]
+class Midpoint(ExplicitScheme):
+    """An explicit scheme that is not registered: its weights are all that loops need of it."""
+
+    def limit(self, omega: float, rate: float) -> float:
+        return 0.0
+
+
+MIDPOINT = Midpoint("midpoint", 2, weights=(0.0, 1.0), reach=(0.5,))
+
+EVERY = [*SCHEMES.values(), *(with_radius(rho) for rho in (0.0, 0.5, 1.0)), MIDPOINT]
 
 ALL_IMPLICIT = [s for s in EVERY if isinstance(s, ImplicitScheme)]
 

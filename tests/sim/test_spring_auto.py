@@ -8,7 +8,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.integrators.schemes import semi_implicit_euler
+from tripod_sim.integrators.schemes import rk4, semi_implicit_euler
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.automatic import AutomaticSprings
 from tripod_study.explain.loops import kernel_stages
@@ -37,7 +37,7 @@ def one_part(order: int, simulation: Simulation, h: float) -> tuple[np.ndarray, 
     x, v = state.positions.copy(), state.velocities.copy()
     longest = 1e-9 if order == kernels.RK4 else h  # Verlet's parts would be too short to take over
     outcome, _, parts, rejected, _, added, _, _ = kernels.automatic_steps(
-        1, h, 1e3, 1e-9, longest, h, order, h, x, v, stepper.loop.links, stepper.loop.load, stepper._scratch,
+        1, h, 1e3, 1e-9, longest, h, rk4.SCHEME.tableau, order, h, x, v, stepper.loop.links, stepper.loop.load, stepper._scratch,
     )  # fmt: skip
     assert (outcome, parts, rejected) == (0, 1, 0)
     return x, v, added

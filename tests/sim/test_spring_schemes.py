@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from tests.messages import raises_naming
 from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tripod_sim.integrators.scheme import Tableau
 
 ORDERS = {
     "explicit_euler": 1,
@@ -89,6 +90,21 @@ def test_one_mass_on_one_spring_follows_the_recurrence(scheme: str) -> None:
     assert simulation.positions[1, 0] - REST == pytest.approx(x, abs=3e-14)
     assert simulation.state.velocities[1, 0] == pytest.approx(v, abs=3e-13)
     assert np.array_equal(simulation.positions[0], [0, 0, 0])
+
+
+def test_the_loop_of_springs_takes_any_scheme_from_its_weights() -> None:
+    """The midpoint rule, which is not shipped, of one mass on one spring without damping."""
+    words = ["inertia={scheme='rk4', substeps='off'}", "gravity=off", "springs.nodes=2", f"springs.size={REST}",
+             f"springs.node_mass={M}", f"springs.stiffness={K}", "springs.damping=0", "dt=0.01"]  # fmt: skip
+    simulation = Simulation(load_scene("pendulum", words))
+    simulation._stepper._scheme = Tableau(np.array([0.5, 1.0]), np.array([0.0, 1.0]), 1.0, swaps=False)
+    simulation.state.velocities[1, 0] = 1.0
+    simulation.advance(3)
+    rate, y = np.array([[0, 1], [-K / M, 0]]), np.array([0.0, 1.0])
+    for _ in range(3):
+        y = y + 0.01 * rate @ (y + 0.005 * rate @ y)
+    assert simulation.positions[1, 0] - REST == pytest.approx(y[0], abs=3e-14)
+    assert simulation.state.velocities[1, 0] == pytest.approx(y[1], abs=3e-13)
 
 
 @pytest.mark.parametrize("scheme", ORDERS)

@@ -76,7 +76,7 @@ class ExplicitSteps:
             SceneError: the masses of a rigid body lie in a line, or there is a term that no explicit scheme can take.
         """
         self._system, self._scheme, self._divide, self._mass = system, scheme, divide, mass
-        self._drag = drag
+        self._drag, self._tableau = drag, scheme.tableau
         self._frequency = LargestFrequency(system, mass, self._add_stiffness)
         self._take(system.terms)
         damped = any(t.remembers for t in system.elastic.terms)
@@ -206,7 +206,7 @@ class ExplicitSteps:
 
     def _advance(self, state: State, joints: FloatArray, dt: float) -> tuple[int, float]:
         """Move `state`, write torques and work; return parts and strain energy [J], or raise FloatingPointError."""
-        system, scheme = self._system, self._scheme.code
+        system, scheme = self._system, self._tableau
         bodies, frames, scratch = self._bodies, self._frames, self._scratch
         load, nodes = self._prepare(state, joints, dt), (state.positions, state.velocities)
         solids, nets = self._solids_of(state), self._nets

@@ -1,4 +1,4 @@
-"""Compiled parts of an explicit step: forces, driven frames, rigid bodies, the three schemes.
+"""Compiled parts of an explicit step: forces, driven frames, rigid bodies, the schemes.
 
 The unknowns are the free nodes and the bodies (mass centre, rotation, momentum, angular momentum); the nodes of driven
 frames are where the joints put them at each instant and move with their velocity.
@@ -13,7 +13,7 @@ from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
 from tripod_sim.constraints.rigid_kernels import Bodies, add_up, carry, drift, read_bodies
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
-from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
+from tripod_sim.integrators.scheme import Tableau
 from tripod_sim.rotation_kernels import carried, rotation_rate, turned
 
 FEW = 3
@@ -42,7 +42,7 @@ class Frames(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Of RK4: nodes and bodies at the start of a part, and sums of rates over its stages.
+    """Of schemes of several stages: nodes and bodies at the start of a part, and sums of rates over its stages.
 
     x, v, sum_x, sum_v (n, 3); centre (b, 3), turn (b, 3, 3), velocity, angular (b, 3); way (b, 3): rotation since the
     start; sums (4, b, 3): of the rates of centre, velocity, angular momentum and `way`.
@@ -136,7 +136,7 @@ def _follow(bodies: Bodies, h: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _begin_part(x: Array, v: Array, bodies: Bodies, s: Start) -> None:
-    """Remember where nodes and bodies are at the start of a part of RK4."""
+    """Remember where nodes and bodies are at the start of a part of several stages."""
     put(s.x, x)
     put(s.v, v)
     put(s.centre, bodies.centre)
@@ -148,36 +148,37 @@ def _begin_part(x: Array, v: Array, bodies: Bodies, s: Start) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _runge_kutta(
-    stage: int, h: float, time: float, x: Array, v: Array, load: Load, frames: Frames, bodies: Bodies, g: Array,
-    s: Start,
+    scheme: Tableau, stage: int, h: float, time: float, x: Array, v: Array, load: Load, frames: Frames,
+    bodies: Bodies, g: Array, s: Start,
 ) -> None:  # fmt: skip
-    """Go on after a stage of the classical scheme, 0 to 3, with its forces -g; 4: end the part, from `time` [s].
+    """Continue after a stage with its forces -g; stage = their number: end the part, which began at `time` [s].
 
     Bodies turn by R = exp([p]x) R_0, and p is integrated as x is [HairerLubichWanner2006, chapter IV.8].
     """
     rate, step = np.empty(3), np.empty(4)
-    weight = 2.0 if stage in (1, 2) else 1.0
-    reach = 0.5 * h if stage < 2 else h
-    if stage < 4:
+    stages = scheme.weights.shape[0]
+    inside, share = stage < stages, h / scheme.total
+    weight, reach = (scheme.weights[stage], scheme.reach[stage] * h) if inside else (0.0, h)
+    if inside:
         add_up(g, x, bodies)
     for n in range(x.shape[0]):
         inverse = load.inverse[n]
         if inverse > 0.0:
             for i in range(3):
-                if stage < 4:
+                if inside:
                     dx, dv = v[n, i], -inverse * g[n, i]
                     s.sum_x[n, i] += weight * dx
                     s.sum_v[n, i] += weight * dv
                     x[n, i], v[n, i] = s.x[n, i] + reach * dx, s.v[n, i] + reach * dv
                 else:
-                    x[n, i] = s.x[n, i] + h / 6.0 * s.sum_x[n, i]
-                    v[n, i] = s.v[n, i] + h / 6.0 * s.sum_v[n, i]
+                    x[n, i] = s.x[n, i] + share * s.sum_x[n, i]
+                    v[n, i] = s.v[n, i] + share * s.sum_v[n, i]
     for b in range(bodies.mass.shape[0]):
-        far = reach if stage < 4 else h / 6.0
-        if stage < 4:
+        far = reach if inside else share
+        if inside:
             rotation_rate(s.way[b], bodies.spin[b], rate)
         for i in range(3):
-            if stage < 4:
+            if inside:
                 step[0], step[1] = bodies.velocity[b, i], bodies.force[b, i] / bodies.mass[b]
                 step[2], step[3] = bodies.moment[b, i], rate[i]
                 for k in range(4):
@@ -191,7 +192,7 @@ def _runge_kutta(
             s.way[b, i] = far * step[3]
         turned(s.way[b], s.turn[b], bodies.turn[b])
         carried(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
-    if stage != 3:
+    if stage != stages - 1:
         drive(frames, time + reach, x, v)
         carry(bodies, x, v)
 
@@ -206,7 +207,7 @@ def start_step(x: Array, v: Array, load: Load, frames: Frames, bodies: Bodies) -
 
 @njit(cache=True, error_model="numpy")
 def explicit_parts(
-    scheme: int, parts: int, h: float, h_before: float, time: float, x: Array, v: Array, solids: Solids,
+    scheme: Tableau, parts: int, h: float, h_before: float, time: float, x: Array, v: Array, solids: Solids,
     nets: Nets, load: Load, frames: Frames, bodies: Bodies, scratch: ForceScratch, start: Start,
 ) -> tuple[int, float]:  # fmt: skip
     """Advance bodies by up to `parts` parts of `h` [s] from `time` [s] of the step, in place, the condensation fresh.
@@ -214,30 +215,29 @@ def explicit_parts(
     Ends early once a correction of the modes took more than `FEW` evaluations: the condensation is to be renewed.
 
     Returns:
-        Parts made; work of the frames on them [J], not finite where a force or a number ceased to exist. For the
-        schemes of Euler it is that of the trapezoidal rule, without its last half: `h_before` [s] is the length of the
-        part before, zero at the start of the step.
+        Parts made; work of the frames on them [J], not finite where a force or a number ceased to exist. Of a
+        scheme of one stage it is that of the trapezoidal rule, without its last half: `h_before` [s] is the length of
+        the part before, zero at the start of the step.
     """
     begin(x, solids, scratch)
     g, work = scratch.gradient, 0.0
-    stages = 4 if scheme == RK4 else 1
+    stages = scheme.weights.shape[0]
     for part in range(parts):
         own = 0.0
-        if scheme == RK4:
+        if stages > 1:
             _begin_part(x, v, bodies, start)
         for stage in range(stages):  # forces are evaluated here alone: who else calls that compiles it again
             if not np.isfinite(evaluate(x, v, solids, nets, load, scratch)):
                 return part + 1, np.inf
             given = _given(g, v, frames)
-            if scheme == RK4:
-                own += h / 6.0 * (2.0 if stage in (1, 2) else 1.0) * given
-                _runge_kutta(stage, h, time + part * h, x, v, load, frames, bodies, g, start)
+            if stages > 1:
+                own += h / scheme.total * scheme.weights[stage] * given
+                _runge_kutta(scheme, stage, h, time + part * h, x, v, load, frames, bodies, g, start)
             else:
                 own = 0.5 * ((h if part else h_before) + h) * given
-                _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
-        if scheme == RK4:
-            # `stages` is 4 here; `4` is a type of its own, for which all of it would be compiled once more
-            _runge_kutta(stages, h, time + part * h, x, v, load, frames, bodies, g, start)
+                _euler(scheme.swaps, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
+        if stages > 1:
+            _runge_kutta(scheme, stages, h, time + part * h, x, v, load, frames, bodies, g, start)
         work += own
         if not np.isfinite(work) or scratch.corrections[0] > FEW:
             return part + 1, work
@@ -245,7 +245,7 @@ def explicit_parts(
 
 
 def finish_step(
-    scheme: int, h: float, x: Array, v: Array, solids: Solids, nets: Nets, load: Load, frames: Frames,
+    scheme: Tableau, h: float, x: Array, v: Array, solids: Solids, nets: Nets, load: Load, frames: Frames,
     scratch: ForceScratch,
 ) -> tuple[float, float]:  # fmt: skip
     """Evaluate the forces at the end of a step, minus them in `scratch.gradient`.
@@ -254,4 +254,4 @@ def finish_step(
         Strain energy [J], infinite where there is none; the half of the work that `explicit_parts` left out [J].
     """
     strain = evaluate(x, v, solids, nets, load, scratch)
-    return strain, 0.0 if scheme == RK4 else 0.5 * h * _given(scratch.gradient, v, frames)
+    return strain, 0.0 if len(scheme.weights) > 1 else 0.5 * h * _given(scratch.gradient, v, frames)

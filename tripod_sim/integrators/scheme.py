@@ -19,6 +19,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
+
 
 class Weights(NamedTuple):
     """Of what a stage starts from: known = now + change * dq + rate * dq/dt + curve * b.
@@ -216,18 +218,52 @@ class MultistepScheme(ImplicitScheme):
         raise NotImplementedError
 
 
-@dataclass(frozen=True)
-class ExplicitScheme(Scheme):
-    """An explicit scheme, advanced by compiled loops (see `explicit_kernels`).
+class Tableau(NamedTuple):
+    """An explicit scheme as compiled loops take it: see `ExplicitScheme`.
 
     Attributes:
-        code: Its number there.
-        forces: Evaluations of the force in a step.
+        reach: Shape (s,).
+        weights: Shape (s,), and their sum `total`.
+        swaps: Whether positions move with the new velocity.
+    """
+
+    reach: FloatArray
+    weights: FloatArray
+    total: float
+    swaps: bool
+
+
+@dataclass(frozen=True)
+class ExplicitScheme(Scheme):
+    """An explicit Runge-Kutta scheme of s stages, of which each uses the rates of the one before alone.
+
+        y_1 = y,   y_(i+1) = y + c_i h f(y_i),   y' = y + h sum of b_i f(y_i),   y = (x, v),
+
+    advanced by compiled loops (see `explicit_kernels`). With one stage, positions may move with the new velocity
+    (symplectic Euler): x' = x + h v'.
+
+    Attributes:
+        weights: b_i times a number that makes them whole, shape (s,).
+        reach: c_1 ... c_(s-1).
+        swaps: Whether positions move with the new velocity.
     """
 
     explicit: ClassVar[bool] = True
-    code: int = 0
-    forces: int = 1
+    weights: tuple[float, ...] = (1.0,)
+    reach: tuple[float, ...] = ()
+    swaps: bool = False
+
+    @property
+    def forces(self) -> int:
+        """Evaluations of the force in a step."""
+        return len(self.weights)
+
+    @property
+    def tableau(self) -> Tableau:
+        """The scheme as compiled loops take it."""
+        return Tableau(
+            np.array([*self.reach, 1.0]), np.array(self.weights), float(sum(self.weights)), self.swaps
+        )
 
     @property
     def is_stable(self) -> bool:

@@ -10,9 +10,6 @@ from tripod_host.arrays import FloatArray
 if TYPE_CHECKING:
     from tripod_sim.integrators.scheme import ExplicitScheme
 
-EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
-"""The explicit schemes, as compiled loops know them."""
-
 CHANGE = 1e-7
 """Relative change of the estimate at which the power iteration ends."""
 

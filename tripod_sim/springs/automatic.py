@@ -82,8 +82,9 @@ class AutomaticSprings:
                 "smaller dt"
             )
         outcome, done, parts, rejected, forces, worst, order, proposed = kernels.automatic_steps(
-            count, dt, self._tolerance, self._shortest, self._verlet, self._runge_kutta, remembered.order,
-            remembered.proposed, state.positions, state.velocities, self.loop.links, self.loop.load, self._scratch,
+            count, dt, self._tolerance, self._shortest, self._verlet, self._runge_kutta, rk4.SCHEME.tableau,
+            remembered.order, remembered.proposed, state.positions, state.velocities, self.loop.links,
+            self.loop.load, self._scratch,
         )  # fmt: skip
         remembered.order, remembered.proposed = order, proposed
         self.forces = forces / max(1, parts)

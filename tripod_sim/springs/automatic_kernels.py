@@ -18,6 +18,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
+from tripod_sim.integrators.scheme import Tableau
 from tripod_sim.springs.explicit_kernels import FINE, OVERFLOW, Load, accelerations, runge_kutta
 from tripod_sim.springs.spring_kernels import Links
 
@@ -59,6 +60,7 @@ def _verlet(
 
 @njit(cache=True, error_model="numpy")
 def _runge_kutta(
+    scheme: Tableau,
     x: Array,
     v: Array,
     a: Array,
@@ -73,7 +75,7 @@ def _runge_kutta(
     k: Array,
 ) -> tuple[float, float]:
     """Write x', v' and a' to `xn`, `vn` and `b`; return the largest |a - 2 m + a'|², NaN if one is, and |a' - a|²."""
-    runge_kutta(x, v, a, h, links, load, xn, vn, xs, vs, k)
+    runge_kutta(scheme, x, v, a, h, links, load, xn, vn, xs, vs, k)
     accelerations(xn, vn, links, load, b)
     most = jump = 0.0
     for n in range(x.shape[0]):
@@ -97,6 +99,7 @@ def automatic_steps(
     shortest: float,
     verlet: float,
     runge_kutta: float,
+    rk4: Tableau,
     order: int,
     length: float,
     x: Array,
@@ -116,6 +119,7 @@ def automatic_steps(
         tolerance: Distance that a part may add to the position of a node [m].
         shortest: Length of a part that is accepted whatever it adds [s].
         verlet, runge_kutta: Longest stable parts of the schemes [s].
+        rk4: The latter.
         order, length: Scheme and length [s] of the next part; length 0 at the start.
         x, v: State, (n, 3), in place; if a number leaves the range of floating point that before its interval.
         links, load: The forces.
@@ -149,7 +153,7 @@ def automatic_steps(
                 power, allowed = 1.0 / 3.0, SPARE * tolerance
                 forces += 1
             else:
-                square, jump = _runge_kutta(x0, v0, a, h, links, load, x1, v1, b, xs, vs, k)
+                square, jump = _runge_kutta(rk4, x0, v0, a, h, links, load, x1, v1, b, xs, vs, k)
                 power, allowed = 0.25, tolerance
                 forces += 4
             added = h * h / 6.0 * np.sqrt(square)

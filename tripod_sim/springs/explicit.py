@@ -21,7 +21,7 @@ MOST_PARTS = 10_000_000
 
 
 class ExplicitSprings:
-    """Advances a spring body by one of three schemes; f is the force, a = M^-1 f(x, v).
+    """Advances a spring body by an explicit scheme; f is the force, a = M^-1 f(x, v).
 
         explicit Euler        x' = x + h v,   v' = v + h a      unstable: undamped modes grow by w² h² / 2 a step
         semi-implicit Euler   v' = v + h a,   x' = x + h v'     first order, keeps the energy of long motions
@@ -46,7 +46,7 @@ class ExplicitSprings:
             divide: Whether a step is divided into stable parts; if not, instability shows.
             forces: Whether `system.gradient` is written at the end of a step.
         """
-        self._system, self.loop, self._scheme, self._divide = system, loop, scheme.code, divide
+        self._system, self.loop, self._scheme, self._divide = system, loop, scheme.tableau, divide
         self._forces, (omega, rate) = forces, fastest(loop)
         self.limit, self._part = scheme.longest_step(omega, rate), longest_part(scheme, omega, rate)
         self._scratch = np.zeros((8, *system.rest.shape))

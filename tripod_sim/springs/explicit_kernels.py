@@ -7,7 +7,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
-from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
+from tripod_sim.integrators.scheme import Tableau
 from tripod_sim.springs.spring_kernels import Links, add_forces, elastic_energy
 
 FINE, OVERFLOW = 0, 1
@@ -57,6 +57,7 @@ def mechanical(x: Array, v: Array, origin: Array, load: Load) -> tuple[float, fl
 
 @njit(cache=True, error_model="numpy")
 def runge_kutta(
+    scheme: Tableau,
     x: Array,
     v: Array,
     a: Array,
@@ -69,43 +70,46 @@ def runge_kutta(
     vs: Array,
     k: Array,
 ) -> None:
-    """Write the classical fourth-order scheme's x' and v' to `xn` and `vn`, shape (n, 3) as all arrays here.
+    """Write x' and v' of a scheme of several stages to `xn` and `vn`, shape (n, 3) as all arrays here.
 
     Args:
+        scheme: Which.
         x, v, a: Positions, velocities and their accelerations at the start.
         h: Length of the part [s].
         links, load: The forces.
         xn, vn: Output; at first the sums of rates.
-        xs: Output: a_2 + a_3, the accelerations of the stages halfway [m/s²]; at first positions of a stage.
+        xs: Output: half the weighted sum of the accelerations of all stages between the first and the last [m/s²], of
+            RK4 a_2 + a_3; at first positions of a stage.
         vs, k: Scratch: velocities and accelerations of a stage.
     """
-    size = x.shape[0]
+    size, last, share = x.shape[0], scheme.weights.shape[0] - 1, h / scheme.total
+    first, final, reach = scheme.weights[0], scheme.weights[last], scheme.reach[0] * h
     for n in range(size):
         for i in range(3):
-            xn[n, i], vn[n, i] = v[n, i], a[n, i]
-            xs[n, i], vs[n, i] = x[n, i] + 0.5 * h * v[n, i], v[n, i] + 0.5 * h * a[n, i]
-    for stage in range(1, 4):
+            xn[n, i], vn[n, i] = first * v[n, i], first * a[n, i]
+            xs[n, i], vs[n, i] = x[n, i] + reach * v[n, i], v[n, i] + reach * a[n, i]
+    for stage in range(1, last + 1):
         accelerations(xs, vs, links, load, k)
-        if stage == 3:
+        if stage == last:
             break
-        reach = 0.5 * h if stage == 1 else h
+        weight, reach = scheme.weights[stage], scheme.reach[stage] * h
         for n in range(size):
             for i in range(3):
                 rate = vs[n, i]
-                xn[n, i] += 2.0 * rate
-                vn[n, i] += 2.0 * k[n, i]
+                xn[n, i] += weight * rate
+                vn[n, i] += weight * k[n, i]
                 xs[n, i], vs[n, i] = x[n, i] + reach * rate, v[n, i] + reach * k[n, i]
     for n in range(size):
         free = load.inverse_mass[n] > 0.0
         for i in range(3):
-            xs[n, i] = 0.5 * (vn[n, i] - a[n, i])
-            xn[n, i] = x[n, i] + h / 6.0 * (xn[n, i] + vs[n, i]) if free else x[n, i]
-            vn[n, i] = v[n, i] + h / 6.0 * (vn[n, i] + k[n, i])
+            xs[n, i] = 0.5 * (vn[n, i] - first * a[n, i])
+            xn[n, i] = x[n, i] + share * (xn[n, i] + final * vs[n, i]) if free else x[n, i]
+            vn[n, i] = v[n, i] + share * (vn[n, i] + final * k[n, i])
 
 
 @njit(cache=True, error_model="numpy")
 def explicit_steps(
-    scheme: int,
+    scheme: Tableau,
     count: int,
     h: float,
     parts: int,
@@ -126,7 +130,7 @@ def explicit_steps(
     half of all motion and tension then came from nothing.
 
     Args:
-        scheme: A number of `stability`.
+        scheme: Which.
         count: Steps.
         h: Length of a part [s].
         parts: Parts of a step.
@@ -147,8 +151,8 @@ def explicit_steps(
         put(v_keep, v)
         for _ in range(parts):
             accelerations(x, v, links, load, a)
-            if scheme == RK4:
-                runge_kutta(x, v, a, h, links, load, xn, vn, xs, vs, k)
+            if scheme.weights.shape[0] > 1:
+                runge_kutta(scheme, x, v, a, h, links, load, xn, vn, xs, vs, k)
                 put(x, xn)
                 put(v, vn)
                 continue
@@ -158,7 +162,7 @@ def explicit_steps(
                         old = v[n, i]
                         new = old + h * a[n, i]
                         v[n, i] = new
-                        x[n, i] += h * (new if scheme == SEMI_IMPLICIT_EULER else old)
+                        x[n, i] += h * (new if scheme.swaps else old)
         springs = elastic_energy(x, links)
         kinetic, weight = mechanical(x, v, origin, load)
         if not np.isfinite(kinetic + springs + weight):

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import semi_implicit_euler
-from tripod_sim.integrators.stability import EXPLICIT_EULER
 
 
 @dataclass(frozen=True)
@@ -21,4 +20,4 @@ class ExplicitEuler(ExplicitScheme):
         return max(self.longest_step(omega, rate), other)
 
 
-SCHEME = ExplicitEuler("explicit_euler", 1, EXPLICIT_EULER)
+SCHEME = ExplicitEuler("explicit_euler", 1)

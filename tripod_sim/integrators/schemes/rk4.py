@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from tripod_sim.integrators.scheme import ExplicitScheme
-from tripod_sim.integrators.stability import RK4
 
 
 @dataclass(frozen=True)
@@ -15,4 +14,4 @@ class RungeKutta4(ExplicitScheme):
         return 2.6 / max(omega, rate)
 
 
-SCHEME = RungeKutta4("rk4", 4, RK4, forces=4)
+SCHEME = RungeKutta4("rk4", 4, weights=(1.0, 2.0, 2.0, 1.0), reach=(0.5, 0.5, 1.0))

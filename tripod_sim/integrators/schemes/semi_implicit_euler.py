@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_sim.integrators.scheme import ExplicitScheme
-from tripod_sim.integrators.stability import SEMI_IMPLICIT_EULER
 
 
 @dataclass(frozen=True)
@@ -17,4 +16,4 @@ class SemiImplicitEuler(ExplicitScheme):
         return float(4.0 / (np.sqrt(rate**2 + 4 * omega**2) + rate))
 
 
-SCHEME = SemiImplicitEuler("semi_implicit_euler", 1, SEMI_IMPLICIT_EULER)
+SCHEME = SemiImplicitEuler("semi_implicit_euler", 1, swaps=True)
