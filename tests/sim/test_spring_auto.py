@@ -37,7 +37,8 @@ def one_part(order: int, simulation: Simulation, h: float) -> tuple[np.ndarray, 
     x, v = state.positions.copy(), state.velocities.copy()
     longest = 1e-9 if order == kernels.RK4 else h  # Verlet's parts would be too short to take over
     outcome, _, parts, rejected, _, added, _, _ = kernels.automatic_steps(
-        1, h, 1e3, 1e-9, longest, h, rk4.SCHEME.tableau, order, h, x, v, stepper.loop.links, stepper.loop.load, stepper._scratch,
+        1, h, 1e3, 1e-9, longest, h, rk4.SCHEME.tableau, order, h, x, v, stepper.loop.links, stepper.loop.load,
+        stepper._scratch,
     )  # fmt: skip
     assert (outcome, parts, rejected) == (0, 1, 0)
     return x, v, added
