@@ -37,9 +37,8 @@ from tripod_identify.measured import Measured
 from tripod_identify.model import Told, plainly, predict
 from tripod_identify.parameters import parameters, told
 from tripod_sim import StepError, load_scene
-from tripod_sim.effects.load import Load
 from tripod_sim.scene import Scene
-from tripod_sim.tables.sets import NodeSet
+from tripod_sim.tables.sets import Load, NodeSet
 
 MODEL = ("servos.slide=0.02", "mesh.level=13")
 TRUTHS = {

@@ -8,29 +8,24 @@ from typing import Any, TypeVar
 
 from tripod_sim.effect import Effect
 from tripod_sim.effects import EFFECTS, has, named, table_of
-from tripod_sim.effects.ball import Ball
 from tripod_sim.effects.clamp import Clamp
-from tripod_sim.effects.contact import Contact
 from tripod_sim.effects.damping import Damping
-from tripod_sim.effects.fixed import Fixed
 from tripod_sim.effects.gravity import Gravity
 from tripod_sim.effects.inertia import Inertia
 from tripod_sim.effects.initial_velocity import InitialVelocity
-from tripod_sim.effects.load import Load
-from tripod_sim.effects.maze import Maze
 from tripod_sim.effects.mesh_error import MeshError
 from tripod_sim.effects.prescribed import Prescribed
-from tripod_sim.effects.servo_dynamics import ServoDynamics
 from tripod_sim.effects.sleep import Sleep
 from tripod_sim.effects.strain_limit import StrainLimit
-from tripod_sim.effects.time_error import TimeError
 from tripod_sim.scene_checks import check_bodies, check_held, check_needs, check_tables
 from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rigid, Springs, Tie
+from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import check_fields, number
 from tripod_sim.tables.kinds import kept_fields
-from tripod_sim.tables.method import Solver
-from tripod_sim.tables.robot import Effector, Motion, Platform, Servos
-from tripod_sim.tables.sets import Marker, NodeSet, Servo
+from tripod_sim.tables.maze import Ball, Maze
+from tripod_sim.tables.method import Solver, TimeError
+from tripod_sim.tables.robot import Effector, Motion, Platform, ServoDynamics, Servos
+from tripod_sim.tables.sets import Fixed, Load, Marker, NodeSet, Servo
 
 T = TypeVar("T")
 

@@ -7,6 +7,7 @@ outside of a maze is a rigid body in contact. What comes behind asks `joints_of`
 """
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.joints import Arm, Joints
 from tripod_sim.tables.bodies import Body, Rigid
+from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import Described
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
@@ -67,6 +69,21 @@ def rigids_of(scene: Described) -> list[tuple[str, Rigid]]:
         body = Rigid(shape="ball", radius=ball.radius, mass=ball.mass, position=ball.position)
         found.append((BALL, body))
     return found
+
+
+NEAR, ALARM = 1 / 16, 3 / 16
+"""Contact and alarm distance of a ball in a scene without [contact], in its radii."""
+
+
+def contact_of(scene: Described) -> Contact | None:
+    """Return the contact of a scene: its table, or what a ball outside of a maze brings along."""
+    ball, own = scene.ball, scene.contact
+    if own or not ball or scene.maze:
+        return cast("Contact | None", own)
+    return Contact(
+        contact_distance=NEAR * ball.radius, alarm_distance=ALARM * ball.radius, friction=ball.friction,
+        restitution=ball.restitution, rest_speed=ball.rest_speed,
+    )  # fmt: skip
 
 
 # servos ---------------------------------------------------------------------------------------------------------------

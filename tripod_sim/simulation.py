@@ -16,13 +16,12 @@ from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
-from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts, integrator_of
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import BALL, discs_of, joints_of
+from tripod_sim.scene_short import BALL, contact_of, discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual

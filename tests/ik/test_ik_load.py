@@ -16,8 +16,8 @@ from tripod_ik.load import Load, LoadObserver
 from tripod_ik.model import StaticModel
 from tripod_ik.settings import PARAMETERS, load_observer
 from tripod_sim import load_scene
-from tripod_sim.effects.load import Load as SceneLoad
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.sets import Load as SceneLoad
 from tripod_sim.tables.sets import NodeSet
 
 DT, DELAY, NOISE = 0.01, 0.03, (5e-5, 1e-3)  # [s], [m, rad] of each measurement

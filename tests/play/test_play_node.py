@@ -28,8 +28,8 @@ from tripod_play.follow import ServoPath
 from tripod_play.node import PathNode, PlayNode, SolveNode
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_play.player import PlayerSettings
-from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import make_board
+from tripod_sim.tables.maze import Maze
 
 pytestmark = pytest.mark.ros
 

@@ -11,9 +11,8 @@ from tripod_host.rotations import rotation_matrix, rotation_vector
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion, account
 from tripod_sim.ball.obstacle_kernels import MISSES, box_distance, distance, sweep, triangle_distance
 from tripod_sim.ball.obstacles import Obstacles, sorted_obstacles
-from tripod_sim.effects.ball import Ball
-from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import make_board
+from tripod_sim.tables.maze import Ball, Maze
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 NO_TRIANGLES = np.zeros((0, 9))

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import make_board, maze_names
 from tripod_sim.maze.board_mesh import SEGMENTS, BoardMesh, board_mesh
+from tripod_sim.tables.maze import Maze
 
 OFFSET = 0.008
 

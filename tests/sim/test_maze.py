@@ -10,9 +10,9 @@ from tests.messages import assert_names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.ball.ball import Place, account
-from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import make_board, mass_points, maze_names, read_maze
 from tripod_sim.maze.grid import maze_to_text, parse_maze, random_maze
+from tripod_sim.tables.maze import Maze
 
 SMALL = """# remarks
 +---+---+---+

@@ -10,11 +10,8 @@ import pytest
 from tests.messages import assert_names, lines_naming, raises_naming
 from tripod_sim import Simulation
 from tripod_sim.build import build
-from tripod_sim.effects.contact import Contact
-from tripod_sim.effects.fixed import Fixed
 from tripod_sim.effects.gravity import Gravity
 from tripod_sim.effects.inertia import Inertia
-from tripod_sim.effects.load import Load
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import solid_mesh
@@ -26,7 +23,8 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.tables.bodies import Material
 from tripod_sim.tables.bodies import Mesh as SceneMesh
-from tripod_sim.tables.sets import NodeSet
+from tripod_sim.tables.contact import Contact
+from tripod_sim.tables.sets import Fixed, Load, NodeSet
 
 BRICK = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float

@@ -22,11 +22,9 @@ from tests.messages import assert_names, raises_naming
 from tripod_sim import SceneError, load_scene, scene_names
 from tripod_sim.effects import EFFECTS
 from tripod_sim.effects.damping import Damping
-from tripod_sim.effects.fixed import Fixed
 from tripod_sim.effects.gravity import Gravity
 from tripod_sim.effects.inertia import Inertia
 from tripod_sim.effects.initial_velocity import InitialVelocity
-from tripod_sim.effects.load import Load
 from tripod_sim.effects.prescribed import Prescribed
 from tripod_sim.maze.board import read_maze
 from tripod_sim.maze.grid import maze_to_text
@@ -37,7 +35,7 @@ from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Servos
-from tripod_sim.tables.sets import Marker, NodeSet
+from tripod_sim.tables.sets import Fixed, Load, Marker, NodeSet
 from tripod_sim.unread import unread
 
 EMIO, BEAM = (

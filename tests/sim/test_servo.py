@@ -13,8 +13,8 @@ from tests.memory import kept
 from tests.messages import assert_names, names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.effects.servo_dynamics import ServoDynamics
 from tripod_sim.robot.servo import ServoMotion
+from tripod_sim.tables.robot import ServoDynamics
 from tripod_study.run import run
 
 COARSE = ["mesh.level=1"]

@@ -10,7 +10,7 @@ from tripod_host.rotations import rotation_vector
 from tripod_sim.ball import plate_kernels as k
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.copied import Copied
-from tripod_sim.effects.ball import Ball
+from tripod_sim.tables.maze import Ball
 
 
 class Place(IntEnum):

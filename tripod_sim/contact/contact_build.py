@@ -10,13 +10,13 @@ from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.effects.contact import Contact
 from tripod_sim.integrators.schemes import implicit_euler
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, rigids_of
 from tripod_sim.shapes import Shape, shape_of
 from tripod_sim.steppers import reach_of
+from tripod_sim.tables.contact import Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet

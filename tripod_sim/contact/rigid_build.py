@@ -6,10 +6,9 @@ import numpy as np
 
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
-from tripod_sim.effects.contact import contact_of
 from tripod_sim.rigid_state import RigidState
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import rigids_of
+from tripod_sim.scene_short import contact_of, rigids_of
 from tripod_sim.shapes import shape_of
 
 if TYPE_CHECKING:

@@ -12,7 +12,6 @@ from tripod_sim.contact.contact_build import obstacle_parts, touching, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, near_itself, passing
 from tripod_sim.effect import Draft
-from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
@@ -22,6 +21,7 @@ from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
 from tripod_sim.system import System
+from tripod_sim.tables.contact import Contact
 
 MODES = 1e-3
 """Unbalanced force that incompatible modes may keep, as a share of the solver's tolerance."""

@@ -1,40 +1,10 @@
 """Effect: a rigid ball, in the maze or among what touches."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tripod_sim.effect import Described, Draft, Effect, Need
 from tripod_sim.errors import SceneError
-from tripod_sim.tables.fields import number
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A rigid ball: in the maze if there is one, else a rigid body in contact. Needs gravity.
-
-    Outside of a maze and without [contact] a scene with a ball has that of the ball's friction, restitution and
-    rest_speed, at a sixteenth of its radius; with [contact] that counts for the ball, too.
-
-    Attributes:
-        radius: [m].
-        mass: [kg], spread evenly through the ball.
-        friction: Coulomb's coefficient.
-        restitution: Normal speed after an impact over that before it.
-        rest_speed: Impacts below it do not bounce [m/s].
-        rolling: Rolling resistance in the maze: moment over load and radius.
-        substep: Longest part of a step in which it moves in the maze [s].
-        position: Of the centre at the start [m]; in a maze it starts there where the maze says.
-    """
-
-    radius: float = number(0.002, unit="m", low=1e-5, high=1.0)
-    mass: float = number(1e-4, unit="kg", above=0, high=10.0)
-    friction: float = number(0.3, low=0, high=10.0)
-    restitution: float = number(0.4, low=0, high=1.0)
-    rest_speed: float = number(0.01, unit="m/s", low=1e-6, high=10.0)
-    rolling: float = number(0.002, low=0, high=1.0)
-    substep: float = number(5e-4, unit="s", low=1e-7, high=0.1)
-    position: tuple[float, float, float] = number((0.0, 0.0, 0.02), unit="m", low=-10.0, high=10.0)
+from tripod_sim.tables.maze import Ball
 
 
 def check(ball: Ball, scene: Described) -> None:

@@ -1,28 +1,9 @@
 """Effect: nodes that never move, or not along some axes."""
 
-from dataclasses import dataclass
-
 from tripod_sim.effect import Described, Draft, Effect, Holding
 from tripod_sim.errors import SceneError
-from tripod_sim.tables.fields import check_axes, check_box, number
-from tripod_sim.tables.sets import Vector
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """Nodes that never move, or not along some axes: a set, or those whose undeformed place lies in a box.
-
-    Attributes:
-        set: Name of the set; empty: the box.
-        low: Smallest corner of the box [m].
-        high: Largest corner [m].
-        axes: Along which they stay: `xyz`, or fewer, for rollers and planes of symmetry.
-    """
-
-    set: str = ""
-    low: Vector | None = number(None, unit="m")
-    high: Vector | None = number(None, unit="m")
-    axes: str = "xyz"
+from tripod_sim.tables.fields import check_axes, check_box
+from tripod_sim.tables.sets import Fixed
 
 
 def check(tables: tuple[Fixed, ...], scene: Described) -> None:

@@ -1,34 +1,10 @@
 """Effect: dead loads on sets of nodes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
-from tripod_sim.tables.fields import number, one_of
-from tripod_sim.tables.sets import Vector
-
-
-@dataclass(frozen=True)
-class Load:
-    """A dead load on a set, constant in size and direction: a force, a pressure or a mass; one of the three.
-
-    Attributes:
-        set: Name of the set.
-        force: Of all its nodes together [N].
-        pressure: On the faces of the surface whose nodes are all in the set [Pa], along the normals of the undeformed
-            surface, inwards: it does not follow the surface.
-        mass: Of all its nodes together [kg]: weight where there is gravity, inertia where there is that.
-        share: How force and mass are divided: `area`, evenly over the same faces (consistent nodal loads), or `even`,
-            the same for each node.
-    """
-
-    set: str
-    force: Vector | None = number(None, unit="N", low=-1e9, high=1e9)
-    pressure: float | None = number(None, unit="Pa", low=-1e13, high=1e13)
-    mass: float | None = number(None, unit="kg", above=0, high=1e6)
-    share: str = one_of("area", "even", default="area")
+from tripod_sim.tables.sets import Load
 
 
 def check(tables: tuple[Load, ...], scene: Described) -> None:

@@ -1,8 +1,8 @@
 """Effect: surfaces that stand still."""
 
 from tripod_sim.effect import Described, Effect
-from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.scene_short import contact_of
 from tripod_sim.tables.bodies import SHAPES, Obstacle, Rigid
 from tripod_sim.tables.fields import check_unit
 

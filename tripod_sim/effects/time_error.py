@@ -1,42 +1,13 @@
 """Effect: the error of the time steps, estimated while the scene runs."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tripod_sim.effect import Described, Effect, Need, Parts
-from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.schemes import auto
-from tripod_sim.scene_short import rigids_of, servo_tables, soft_bodies
-from tripod_sim.tables.fields import number, one_of
-
-
-@dataclass(frozen=True)
-class TimeError:
-    """The error of the time steps is estimated while the scene runs. Needs inertia.
-
-    Attributes:
-        steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene
-            file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
-        accuracy: With `steps = "auto"`: share of the way gone that errors may add up to, such as 0.05; a note says
-            where that is not promised; 0: parts may add `tolerance`.
-        tolerance: Error that a part of a step may add to the position of any node [m].
-        shortest: Length of a part that is accepted whatever its error [s].
-        estimate: `global`: the error since the start is carried along and told; `local`: only what each part of a step
-            adds is estimated, which is all that `steps = "auto"` needs, and cheaper; `auto`: `local` with automatic
-            steps, else `global`.
-    """
-
-    steps: str = one_of("fixed", "auto", default="fixed")
-    accuracy: float = number(0.0, low=0.0, high=1.0)
-    tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
-    shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
-    estimate: str = one_of("auto", "global", "local", default="auto")
-
-    @property
-    def carries(self) -> bool:
-        """Whether the error since the start is carried along."""
-        return self.estimate == "global" or (self.estimate == "auto" and self.steps == "fixed")
+from tripod_sim.scene_short import contact_of, rigids_of, servo_tables, soft_bodies
+from tripod_sim.tables.method import TimeError
 
 
 def halves(scene: Described) -> bool:

@@ -45,7 +45,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.effects.time_error import TimeError
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.scheme import Scheme
@@ -60,6 +59,7 @@ from tripod_sim.integrators.way_kernels import (
     write_lengths,
 )
 from tripod_sim.state import State, WayState
+from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:
     from tripod_sim.contact.contact_solver import ContactReport, ContactSolver

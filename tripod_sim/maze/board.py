@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_sim.ball.obstacles import Obstacles, sorted_obstacles
-from tripod_sim.effects.maze import Maze
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.maze.grid import MazeGrid, parse_maze, random_maze
+from tripod_sim.tables.maze import Maze
 
 GOAL = 0.35
 """Radius of the goal over the pitch."""

@@ -6,8 +6,8 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
-from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import Board, make_board, mass_points
+from tripod_sim.tables.maze import Maze
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,11 @@ from tripod_sim.ball.motion_kernels import move_ahead
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
 from tripod_sim.ball.rest import carried
-from tripod_sim.effects.ball import Ball
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.maze.plate import Plate
 from tripod_sim.state import State
+from tripod_sim.tables.maze import Ball
 
 HEAVIEST = 1 / 16
 """Mass of the ball over that of the plate up to which the delayed load is stable, at the rim of the plate too."""

@@ -27,7 +27,6 @@ from scipy.sparse import csr_matrix
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import rotation_vector
 from tripod_sim.build import build
-from tripod_sim.effects.contact import contact_of
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.quadratic_hexahedron import H20
 from tripod_sim.errors import SceneError, StepError
@@ -42,7 +41,7 @@ from tripod_sim.mesh_error.outside import Outside, alone, interpolate, interpola
 from tripod_sim.mesh_error.swing import Swing
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import soft_bodies
+from tripod_sim.scene_short import contact_of, soft_bodies
 from tripod_sim.state import State
 from tripod_sim.steppers import reach_of
 from tripod_sim.system import System

@@ -30,7 +30,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.copied import Copied
-from tripod_sim.effects.servo_dynamics import ServoDynamics
+from tripod_sim.tables.robot import ServoDynamics
 
 NEARLY = 0.98
 """Share of the stall torque from which a servo counts as stalled: it then has 2 % of its speed left."""

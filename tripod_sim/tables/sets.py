@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from tripod_sim.tables.fields import number
+from tripod_sim.tables.fields import number, one_of
 
 Vector = tuple[float, float, float]
 
@@ -69,3 +69,41 @@ class Marker:
     """
 
     set: str
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Nodes that never move, or not along some axes: a set, or those whose undeformed place lies in a box.
+
+    Attributes:
+        set: Name of the set; empty: the box.
+        low: Smallest corner of the box [m].
+        high: Largest corner [m].
+        axes: Along which they stay: `xyz`, or fewer, for rollers and planes of symmetry.
+    """
+
+    set: str = ""
+    low: Vector | None = number(None, unit="m")
+    high: Vector | None = number(None, unit="m")
+    axes: str = "xyz"
+
+
+@dataclass(frozen=True)
+class Load:
+    """A dead load on a set, constant in size and direction: a force, a pressure or a mass; one of the three.
+
+    Attributes:
+        set: Name of the set.
+        force: Of all its nodes together [N].
+        pressure: On the faces of the surface whose nodes are all in the set [Pa], along the normals of the undeformed
+            surface, inwards: it does not follow the surface.
+        mass: Of all its nodes together [kg]: weight where there is gravity, inertia where there is that.
+        share: How force and mass are divided: `area`, evenly over the same faces (consistent nodal loads), or `even`,
+            the same for each node.
+    """
+
+    set: str
+    force: Vector | None = number(None, unit="N", low=-1e9, high=1e9)
+    pressure: float | None = number(None, unit="Pa", low=-1e13, high=1e13)
+    mass: float | None = number(None, unit="kg", above=0, high=1e6)
+    share: str = one_of("area", "even", default="area")

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import SCHEMES, bdf2, implicit_euler, tr_bdf2
 from tripod_sim.mesh.described import described_mesh, element_of
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.scene_short import contact_of, effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 from tripod_study.accuracy.studied import studied
