@@ -205,7 +205,11 @@ def rigid_bodies() -> plt.Figure:
         simulation = Simulation(scene)
         ax = figure.add_subplot(1, len(cases), k + 1, projection="3d")
         reach = 0.3
-        floor = cut(obstacle_parts(scene)[0].vertices[obstacle_parts(scene)[0].triangles], middle, reach)
+        floor = cut(
+            obstacle_parts(scene.obstacles)[0].vertices[obstacle_parts(scene.obstacles)[0].triangles],
+            middle,
+            reach,
+        )
         if name == "incline":  # pulled in along x, it must follow its slope
             floor[..., 2] = -np.tan(np.radians(20)) * floor[..., 0]
         ax.computed_zorder = False
@@ -233,7 +237,7 @@ def falling_piece() -> plt.Figure:
     figure = plt.figure(figsize=(11, 4.4), dpi=110)
     scene = load_scene("silicone_drop")
     simulation = Simulation(scene)
-    cube = obstacle_parts(scene)[0]
+    cube = obstacle_parts(scene.obstacles)[0]
     for k, when in enumerate((0.05, 0.12, 2.0)):
         for _ in range(round((when - simulation.state.time) / scene.dt)):
             simulation.step()

@@ -1,8 +1,7 @@
 """Scene to simulation: each effect that a scene names does its part; an absent one is not even imported."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -18,24 +17,23 @@ from tripod_sim.bodies.soft_build import (
     with_held,
 )
 from tripod_sim.constraints.groups import Groups
-from tripod_sim.constraints.held import free_motion, held_groups
-from tripod_sim.effect import Draft, Effect
-from tripod_sim.effects import EFFECTS, has, table_of
+from tripod_sim.constraints.held import Holding, free_motion, held_groups
+from tripod_sim.effect import Draft
 from tripod_sim.errors import Doubt, SceneError
 from tripod_sim.linear.choice import linear_factory
+from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, names_of
 from tripod_sim.mesh.topology import parts as connected_parts
+from tripod_sim.model import Model
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.proportions import out_of_proportion
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import only_springs, rigids_of, soft_bodies
 from tripod_sim.solved_to import solved_to
 from tripod_sim.steppers import stepper_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
-from tripod_sim.tables.fields import unusual
 
 Progress = Callable[[float], None]
 Say = Callable[[str], None]
@@ -51,33 +49,33 @@ def build(scene: Scene, progress: Progress | None = None, say: Say | None = None
 
     Raises SceneError.
     """
-    for effect, table in _effects(scene):
-        if effect.prepare:
-            scene = effect.prepare(table, scene)
-    parts = _built(scene, progress, say)
-    for effect, table in _effects(scene):
+    model = lowered(scene)
+    parts = _built(model, progress, say)
+    for effect, table in model.effects:
         if effect.finish:
-            parts = effect.finish(table, scene, parts, _built)
-    return parts
+            parts = effect.finish(table, model, parts, _built)
+    return replace(parts, notes=(*parts.notes, *model.notes))
 
 
-def _effects(scene: Scene) -> Iterator[tuple[Effect, Any]]:
-    """Yield the effects of a scene, each with its table."""
-    for name, effect in EFFECTS.items():
-        if has(scene, name):
-            yield effect, table_of(scene, name)
+def _built(model: Model, progress: Progress | None = None, say: Say | None = None) -> Parts:
+    """Return the parts of a simulation before effects change them."""
+    if model.rigid and not model.bodies:
+        return _of_rigid_bodies(model)
+    return _of_terms(model, progress, say or (lambda text: None))
 
 
-def _built(scene: Scene, progress: Progress | None = None, say: Say | None = None) -> Parts:
-    """Return the parts of a simulation whose body is solved for in every step."""
-    if rigids_of(scene) and not soft_bodies(scene):
-        from tripod_sim.contact.rigid_build import build_rigid
+def _of_rigid_bodies(model: Model) -> Parts:
+    """Return the parts of a simulation of rigid bodies alone."""
+    from tripod_sim.contact.contact_build import touching
+    from tripod_sim.contact.rigid_set import RigidSystem
 
-        return build_rigid(scene)
-    return _of_terms(scene, progress, say or (lambda text: None))
+    assert model.contact
+    mesh, _, rigid, stepper = touching(model, model.contact, None, [], None, None)
+    assert rigid
+    return Parts(mesh, np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
 
 
-def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
+def _of_terms(model: Model, progress: Progress | None, say: Say) -> Parts:
     """Return the parts of a simulation of soft bodies, whose potential is a list of terms."""
 
     def read(description: Mesh) -> SolidMesh:
@@ -86,25 +84,27 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
         say(f"building {mesh.count} elements, {len(mesh.nodes)} nodes")
         return mesh
 
-    assembly, notes = assembled(scene, read)
-    draft = Draft(scene, assembly, sets_of(scene, assembly), assembly.nodes)
-    used = list(_effects(scene))
+    assembly, notes = assembled(model, read)
+    draft = Draft(model, assembly, sets_of(model, assembly), assembly.nodes)
 
     def do(phase: str) -> None:
-        for effect, table in used:
+        for effect, table in model.effects:
             if act := getattr(effect, phase):
                 act(table, draft)
 
+    do("hold")
     do("place")
     assembly, platforms = draft.assembly, None
-    do("hold")
-    if scene.platform:
+    if model.platforms:
         from tripod_sim.bodies.platform import Platforms
 
-        platforms = Platforms(scene.platform, draft.sets)
-        draft.rigid += platforms.nodes
-    draft.groups, said = with_held(held_groups(draft), assembly, static=not scene.inertia)
-    if platforms or not scene.inertia:
+        platforms = Platforms(model.platforms, draft.sets)
+        draft.rigid += [Holding(f"platform.{i}", nodes) for i, nodes in enumerate(platforms.nodes)]
+    held = held_groups(
+        draft.rest.shape, draft.rigid, draft.driven, draft.fixed, draft.moved, draft.prescribed
+    )
+    draft.groups, said = with_held(held, assembly, static=not model.scheme)
+    if platforms or not model.scheme:
         while_held = "while a platform is brought to its place" if platforms else "without inertia"
         _check_held(assembly, draft.groups, while_held)
     do("extend")
@@ -115,38 +115,38 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     last = slice(len(draft.rest) - len(fastened), None)
     draft.load[last], draft.inert[last] = fastened, fastened
     do("weigh")
-    draft.scene = scene = solved_to(
-        scene, [draft.load[body.nodes].sum() for body in assembly.bodies], draft.dead
+    draft.model = model = solved_to(
+        model, [draft.load[body.nodes].sum() for body in assembly.bodies], draft.dead
     )
     do("act")
 
     def made(held: Groups) -> System:
         return System(
             draft.rest, elastic_terms(assembly, draft.sets, draft.rest, held, draft.damping), held,
-            [*draft.terms, *([draft.inertia] if draft.inertia else [])], damped=bool(scene.inertia and draft.inertia),
-            joined=spring_sides(assembly) if has(scene, "contact") else (),
-            linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance, springs=only_springs(scene)),
+            [*draft.terms, *([draft.inertia] if draft.inertia else [])], damped=bool(model.scheme and draft.inertia),
+            joined=spring_sides(assembly) if model.contact else (),
+            linear=linear_factory(model.solver.linear, model.solver.linear_tolerance, springs=model.only_springs),
         )  # fmt: skip
 
     elements = sum(body.solid.count for body in assembly.bodies if body.solid)
     say(f"looking for an order of the unknowns: {elements} elements")
     system = made(draft.groups)
     say(f"preparing the first step: {elements} elements, {system.unknowns} unknowns")
-    if platforms and not scene.inertia:
-        system.assembly = platforms.bending(assembly, made, scene.solver, progress)
-    stepping = [(effect.step, table) for effect, table in used if effect.step]
+    if platforms and not model.scheme:
+        system.assembly = platforms.bending(assembly, made, model.solver, progress)
+    stepping = [(effect.step, table) for effect, table in model.effects if effect.step]
     parts = stepping[0][0](stepping[0][1], draft, system) if stepping else _stepped(draft, system)
     parts = replace(
         parts,
         notes=(*notes, *said, *draft.notes),
         watches=tuple(draft.watches),
         soft=shown(assembly)[2],
-        solver=scene.solver,
+        solver=model.solver,
         plate=draft.plate,
         ball=draft.ball,
     )
-    parts = _watched(scene, draft.sets, system, parts)
-    if unusual(scene) or any(isinstance(note, Doubt) for note in parts.notes):
+    parts = _watched(model, draft.sets, system, parts)
+    if model.doubts or any(isinstance(note, Doubt) for note in parts.notes):
         return parts  # of what follows from an input that is wrong by itself nothing is to say
     return replace(parts, notes=(*parts.notes, *out_of_proportion(draft, parts.velocities)))
 
@@ -181,13 +181,13 @@ def _check_held(assembly: Assembly, groups: Groups, when: str) -> None:
         )
 
 
-def _watched(scene: Scene, sets: NodeSets, system: System, parts: Parts) -> Parts:
+def _watched(model: Model, sets: NodeSets, system: System, parts: Parts) -> Parts:
     """Return parts with the velocities of nodes at the start, and the nodes of each marker."""
     velocities = None
-    for effect, table in _effects(scene):
+    for effect, table in model.effects:
         if effect.start:
             velocities = effect.start(table, sets, system.rest, system.groups.held())
     watched: tuple[IndexArray, ...] = tuple(
-        sets.nodes(table.set, f"marker.{i}.set") for i, table in enumerate(scene.marker)
+        sets.nodes(table.set, f"marker.{i}.set") for i, table in enumerate(model.markers)
     )
     return replace(parts, velocities=velocities, watched=watched)

@@ -3,8 +3,8 @@
 Each effect is a module of `tripod_sim.effects`, found there by its name, and no other module lists it. A simulation of
 soft bodies is built in phases (`build.py`), in each of which every effect that the scene names does its part:
 
-    place    put bodies where they can start
     hold     name nodes that are rigid, driven, fixed or moved
+    place    put bodies where they can start
     extend   append nodes of its own
     weigh    give nodes weight and inertia
     act      put terms into the potential
@@ -20,7 +20,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tripod_host.arrays import BoolArray, FloatArray, IndexArray
+from tripod_host.arrays import BoolArray, FloatArray
+from tripod_sim.constraints.held import Holding
+from tripod_sim.model import Model
 from tripod_sim.tables.fields import Described
 
 if TYPE_CHECKING:
@@ -35,30 +37,16 @@ Parts = Any
 """The `tripod_sim.parts.Parts` of a simulation, which name all of physics."""
 
 
-class Holding(NamedTuple):
-    """Nodes that something holds.
-
-    Attributes:
-        name: Of what does, for messages.
-        nodes: Shape (k,).
-        axes: Some of `xyz`.
-    """
-
-    name: str
-    nodes: IndexArray
-    axes: str
-
-
 @dataclass(eq=False)
 class Draft:
     """A simulation of soft bodies while it is being built.
 
     Attributes:
-        scene: What is described.
+        model: What is built.
         assembly: The bodies (`bodies.assembly.Assembly`).
         sets: Their sets of nodes (`node_sets.NodeSets`).
         rest: Undeformed positions of all nodes [m], shape (n, 3); until `extend` those of the bodies alone.
-        rigid: Nodes of each rigid body.
+        rigid: The nodes of each rigid body.
         driven: The arms of servos.
         fixed, moved: What is fixed, and what moves along timelines.
         prescribed: These timelines; None without any.
@@ -74,11 +62,11 @@ class Draft:
         watches: See `tripod_sim.parts.Parts`.
     """
 
-    scene: Described
+    model: Model
     assembly: Any
     sets: Any
     rest: FloatArray
-    rigid: list[IndexArray] = field(default_factory=list)
+    rigid: list[Holding] = field(default_factory=list)
     driven: "tuple[DrivenFrame, ...]" = ()
     fixed: list[Holding] = field(default_factory=list)
     moved: list[Holding] = field(default_factory=list)
@@ -133,12 +121,12 @@ class Effect:
         steps: Names, or beginnings of names, of the stages that only this effect has.
         seldom: What it does too seldom for a few typical steps to show, in one line; empty for nothing.
         words: Overrides that switch it on with defaults, as `tripod run --set` takes them; its name alone if empty.
-        place, hold, extend, weigh, act: Phases of building, see the module.
+        hold, place, extend, weigh, act: Phases of building, see the module.
         step: Returns the parts of the simulation, given table, draft and system, where the effect makes the steps.
         start: Returns velocities of nodes at the start [m/s], shape (n, 3), given table, sets, undeformed positions and
             what is held, both of that shape.
-        prepare: Returns the scene to be built in place of one.
-        finish: Returns the parts with what the effect makes of them, given table, scene, parts and what builds another.
+        lower: Returns the model with what others have to know of the effect, given table, scene and the model so far.
+        finish: Returns the parts with what the effect makes of them, given table, model, parts and what builds others.
     """
 
     table: type
@@ -162,5 +150,5 @@ class Effect:
     act: Phase | None = None
     step: Callable[[Any, Draft, Any], Parts] | None = None
     start: Callable[[Any, Any, FloatArray, BoolArray], FloatArray] | None = None
-    prepare: Callable[[Any, Described], Described] | None = None
-    finish: Callable[[Any, Described, Parts, Callable[[Described], Parts]], Parts] | None = None
+    lower: Callable[[Any, Described, Model], Model] | None = None
+    finish: Callable[[Any, Model, Parts, Callable[[Model], Parts]], Parts] | None = None

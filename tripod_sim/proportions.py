@@ -35,7 +35,7 @@ def out_of_proportion(draft: Draft, velocities: FloatArray | None) -> tuple[Doub
     found = list[str]()
     for body in draft.assembly.bodies:
         found += _loads(draft, body)
-        if draft.scene.inertia:
+        if draft.model.scheme:
             found += _speeds(draft, body, velocities)
     return tuple(Doubt(text) for text in dict.fromkeys(found))
 
@@ -43,10 +43,10 @@ def out_of_proportion(draft: Draft, velocities: FloatArray | None) -> tuple[Doub
 def _loads(draft: Draft, body: SoftBody) -> Iterator[str]:
     """Yield which loads strain a body too much."""
     energy, length = _stiffness(body), float(np.ptp(body.mesh.nodes, axis=0).max())
-    gravity, dead = draft.scene.gravity, draft.dead
+    gravity, dead = draft.model.gravity, draft.dead
     forces = {}
     if gravity:
-        size = float(np.linalg.norm(gravity.acceleration))
+        size = float(np.linalg.norm(gravity))
         forces[f"gravity.acceleration of {size:.4g} m/s²"] = size * float(draft.load[body.nodes].sum())
     if dead is not None:
         force = float(np.linalg.norm(dead[body.nodes], axis=1).sum())

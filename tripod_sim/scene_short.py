@@ -2,8 +2,7 @@
 
 `[mesh]` with `[material]`, and `[springs]`, are its first bodies. `[servos]` and `[effector]` are those of the first
 body, about the Z axis of the world; `[body.servos]` and `[body.effector]` those of another, about its own. `[ball]`
-outside of a maze is a rigid body in contact. What comes behind asks `joints_of`, `discs_of`, `rigids_of` and
-`contact_of` alone.
+outside of a maze is a rigid body in contact. `lowering` writes them out; builders read the model alone.
 """
 
 from dataclasses import replace
@@ -12,9 +11,8 @@ from typing import cast
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_host.rotations import quaternion_matrix
 from tripod_sim.joints import Arm, Joints
-from tripod_sim.tables.bodies import Body, Rigid
+from tripod_sim.tables.bodies import HOME, Body, Rigid
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import Described
 from tripod_sim.tables.robot import Effector, Servos
@@ -33,11 +31,6 @@ def soft_bodies(scene: Described) -> tuple[Body, ...]:
         bodies.append(replace(body, mesh=model.mesh, material=model.material) if model else body)
         found.setdefault(body.name, bodies[-1])
     return tuple(bodies)
-
-
-def only_springs(scene: Described) -> bool:
-    """Return whether all soft bodies of a scene are nets of springs, which may have no stiffness across themselves."""
-    return all(body.springs for body in soft_bodies(scene))
 
 
 def field_of(scene: Described, number: int) -> str:
@@ -114,22 +107,13 @@ def servo_tables(scene: Described) -> list[tuple[str, Servos, Body]]:
     ]
 
 
-HOME = (0.0, 0.0, 0.0, 1.0)
-"""No rotation."""
-
-
-def pose_of(body: Body) -> tuple[FloatArray, FloatArray]:
-    """Return position [m] and rotation matrix of a body."""
-    return np.array(body.position), quaternion_matrix(body.orientation)
-
-
 def _round(field: str, table: Servos, body: Body) -> list[Arm]:
     """Return servos evenly about the Z axis of a body.
 
     Servo i of n stands at azimuth phi = 2 pi i / n. Its axis is horizontal and perpendicular to the strip,
     a = (sin phi, -cos phi, 0), so that a negative angle tips the arm outward and down.
     """
-    (position, turn), arms = pose_of(body), []
+    (position, turn), arms = body.pose, []
     for i in range(table.count):
         phi = 2 * np.pi * i / table.count
         outward = turn @ np.array([np.cos(phi), np.sin(phi), 0.0])

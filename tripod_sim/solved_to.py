@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.scene import Scene
+from tripod_sim.model import Model
 from tripod_sim.tables.method import Solver
 
 SHARE = 1e-3
@@ -22,19 +22,19 @@ STANDARD = 9.81
 """Acceleration by which masses count where there is no gravity [m/s²]."""
 
 
-def solved_to(scene: Scene, masses: Iterable[float], dead: FloatArray | None = None) -> Scene:
-    """Return a scene whose `solver.tolerance`, where it is the default, is small against what bends bodies, too.
+def solved_to(model: Model, masses: Iterable[float], dead: FloatArray | None = None) -> Model:
+    """Return a model whose `solver.tolerance`, where it is the default, is small against what bends bodies, too.
 
     Args:
-        scene: What is described.
+        model: Of the scene.
         masses: Of each soft body [kg].
         dead: Dead loads on nodes [N], shape (n, 3); None without any.
     """
-    if scene.solver.tolerance != Solver.tolerance:
-        return scene
-    gravity = float(np.linalg.norm(scene.gravity.acceleration)) if scene.gravity else 0.0
+    if model.solver.tolerance != Solver.tolerance:
+        return model
+    gravity = float(np.linalg.norm(model.gravity)) if model.gravity else 0.0
     force = float(min(masses)) * (gravity or STANDARD)
     if dead is not None and dead.any():
         force = min(force, max(float(np.linalg.norm(dead, axis=1).sum()), LIGHT * force))
-    tolerance = min(scene.solver.tolerance, max(SHARE * force, LEAST))
-    return replace(scene, solver=replace(scene.solver, tolerance=tolerance))
+    tolerance = min(model.solver.tolerance, max(SHARE * force, LEAST))
+    return replace(model, solver=replace(model.solver, tolerance=tolerance))

@@ -1,17 +1,16 @@
-"""Scene to what makes its steps: time integrators and the static solver, for terms of any kind."""
+"""Model to what makes its steps: time integrators and the static solver, for terms of any kind."""
 
 from typing import TYPE_CHECKING, Any
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.held import free_motion
 from tripod_sim.effect import Draft
-from tripod_sim.effects.time_error import by_way, carried
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.substeps import Substeps, halving
+from tripod_sim.model import ErrorEstimate, Model
 from tripod_sim.parts import Stepper
-from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of, only_springs, servo_tables, soft_bodies
 from tripod_sim.system import System
 
 if TYPE_CHECKING:
@@ -21,53 +20,44 @@ if TYPE_CHECKING:
     from tripod_sim.springs.loop import SpringLoop
 
 
-def reach_of(scene: Scene) -> float:
-    """Return the length of the arms by which a slide counts as a turn [m]."""
-    joints = joints_of(scene)
-    return joints.reach if joints else 0.03
-
-
 def stepper_of(draft: Draft, system: System) -> Stepper:
     """Return the time integrator or the static solver of soft bodies that touch nothing."""
-    scene, inertia, mass = draft.scene, draft.inertia, draft.inert
+    model, inertia, mass = draft.model, draft.inertia, draft.inert
     newton = _newton(draft, system)
-    if not scene.inertia and only_springs(scene):
+    if not model.scheme and model.only_springs:
         from tripod_sim.integrators.static_descent import descent_steps
 
         return descent_steps(newton, mass)
-    if not scene.inertia:
+    if not model.scheme:
         from tripod_sim.integrators.quasi_static import quasi_static_steps
 
-        watch = not any(body.springs for body in soft_bodies(scene))  # slack ones have no stiffness to watch
-        solver = scene.solver
-        return quasi_static_steps(newton, solver.max_halvings, solver.max_turn, reach_of(scene), watch=watch)
-    drag = scene.damping.mass if scene.damping else 0.0
+        watch = not any(body.springs for _, body in model.bodies)  # slack ones have no stiffness to watch
+        solver = model.solver
+        return quasi_static_steps(newton, solver.max_halvings, solver.max_turn, model.reach, watch=watch)
     if not inertia:
-        return _explicit_steps(draft, system, drag)
-    if chosen := _chosen_steps(draft, system, drag):
+        return _explicit_steps(draft, system)
+    if chosen := _chosen_steps(draft, system):
         return chosen
     from tripod_sim.integrators.stage import ImplicitStage
 
-    return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass)
+    return implicit_steps(model, ImplicitStage(newton, inertia, mass, model.drag), system, inertia, mass)
 
 
 def _newton(draft: Draft, system: System) -> Newton:
     """Return what solves the stages of a step."""
-    scene, solver = draft.scene, draft.scene.solver
+    model, solver = draft.model, draft.model.solver
     if draft.bound and draft.inertia:
         from tripod_sim.integrators.strain_limit import BoundedNewton
 
         return BoundedNewton(system, draft.bound, solver.tolerance, solver.max_iterations)
     groups = system.groups
-    one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
+    one_solve = model.scheme and solver.mode == "one_solve"  # statics goes to the tolerance
     one_solve = one_solve and not draft.bound  # one solve does not find which springs are at it
-    if one_solve and only_springs(scene):
+    if one_solve and model.only_springs:
         from tripod_sim.integrators.one_newton_step import OneNewtonStep
 
         return OneNewtonStep(system, solver.tolerance, solver.max_iterations)
-    if one_solve and not servo_tables(
-        scene
-    ):  # where nothing holds a body errors of the momentum would add up
+    if one_solve and not model.joints:  # where nothing holds a body errors of the momentum would add up
         one_solve = not free_motion([*system.reduction.blocks, *groups.rigid], system.rest, groups.held())
     if not one_solve:
         return Newton(system, solver.tolerance, solver.max_iterations)
@@ -76,21 +66,21 @@ def _newton(draft: Draft, system: System) -> Newton:
     return OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
 
 
-def _spring_loop(draft: Draft, system: System, drag: float) -> "SpringLoop | None":
+def _spring_loop(draft: Draft, system: System) -> "SpringLoop | None":
     """Return the arrays of compiled loops of springs; None where something else than springs is to be moved."""
-    if not any(body.springs for body in soft_bodies(draft.scene)):
+    if not any(body.springs for _, body in draft.model.bodies):
         return None
     from tripod_sim.springs.loop import spring_loop
 
-    return spring_loop(system, draft.inert, drag, draft.inertia)
+    return spring_loop(system, draft.inert, draft.model.drag, draft.inertia)
 
 
-def _chosen_steps(draft: Draft, system: System, drag: float) -> "AutomaticSprings | None":
+def _chosen_steps(draft: Draft, system: System) -> "AutomaticSprings | None":
     """Return what chooses explicit steps of springs, where `auto` leaves the scheme to it; else None."""
-    scene, wanted = draft.scene, carried(draft.scene)
-    if not (wanted and scene.inertia.integrator.is_automatic and wanted.steps == "auto"):
+    model, wanted = draft.model, draft.model.carried
+    if not (wanted and model.scheme and model.scheme.is_automatic and wanted.steps == "auto"):
         return None
-    loop = _spring_loop(draft, system, drag)
+    loop = _spring_loop(draft, system)
     if not loop:
         return None
     if wanted.estimate == "global":
@@ -101,47 +91,46 @@ def _chosen_steps(draft: Draft, system: System, drag: float) -> "AutomaticSpring
         )
     from tripod_sim.springs.automatic import AutomaticSprings
 
-    forces = bool(scene.marker)
+    forces = bool(model.markers)
     return AutomaticSprings(system, loop, wanted.tolerance, wanted.shortest, forces=forces)
 
 
-def _explicit_steps(draft: Draft, system: System, drag: float) -> "Stepper":
+def _explicit_steps(draft: Draft, system: System) -> "Stepper":
     """Return an explicit scheme, in a compiled loop if there is one, within the bound of springs if there is one."""
-    scene, mass, loop = draft.scene, draft.inert, _spring_loop(draft, system, drag)
-    scheme, divide = scene.inertia.integrator, scene.inertia.substeps == "auto"
+    model, mass, loop = draft.model, draft.inert, _spring_loop(draft, system)
+    scheme, divide = model.scheme, model.divide
+    assert isinstance(scheme, ExplicitScheme)
     stepper: Stepper
     if loop:
         from tripod_sim.springs.explicit import ExplicitSprings
 
-        stepper = ExplicitSprings(system, loop, scheme, divide=divide, forces=bool(scene.marker))
+        stepper = ExplicitSprings(system, loop, scheme, divide=divide, forces=bool(model.markers))
     else:
         from tripod_sim.integrators.explicit import ExplicitSteps
 
-        stepper = ExplicitSteps(system, mass, scheme, drag=drag, divide=divide)
+        stepper = ExplicitSteps(system, mass, scheme, drag=model.drag, divide=divide)
     if not draft.bound:
         return stepper
     from tripod_sim.integrators.strain_limit import StrainLimited
 
     blocks = [term.elements for term in system.elastic.terms]
-    return StrainLimited(stepper, system, draft.bound, mass, blocks, scene.solver.max_iterations)
+    return StrainLimited(stepper, system, draft.bound, mass, blocks, model.solver.max_iterations)
 
 
 def implicit_steps(
-    scene: Scene,
+    model: Model,
     stage: "ImplicitStage",
     system: Any,
     inertia: "Anchor",
     mass: FloatArray,
 ) -> Substeps:
-    """Return the implicit time integrator of a scene; all but the scene and the stage are as for `ErrorTransport`."""
+    """Return the implicit time integrator of a model; all but the model and the stage are as for `ErrorTransport`."""
     from tripod_sim.integrators.implicit import ImplicitSteps
 
-    assert scene.inertia
-    most, wanted = scene.solver.max_halvings, carried(scene)
-    scheme = scene.inertia.implicit
+    most, wanted, scheme = model.solver.max_halvings, model.carried, model.implicit
     pair = scheme.pair if wanted is not None and wanted.steps == "auto" else None
     steps = ImplicitSteps(pair[1] if pair else scheme, stage)
-    if by_way(scene):
+    if model.estimate is ErrorEstimate.OVER_PATH:
         stage.newton.keep_several()
     if not wanted:
         return halving(steps, most)

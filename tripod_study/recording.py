@@ -199,7 +199,7 @@ def _still(simulation: Simulation) -> dict[str, Any]:
     if scene.obstacles:
         from tripod_sim.contact.contact_build import obstacle_shapes  # noqa: PLC0415 - only with obstacles
 
-        parts = obstacle_shapes(scene)
+        parts = obstacle_shapes(scene.obstacles)
         first = np.cumsum([0, *(len(part.vertices) for part in parts)])
         found["still_vertices"] = np.concatenate([part.vertices for part in parts])
         found["still_triangles"] = np.concatenate(

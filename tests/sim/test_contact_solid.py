@@ -17,6 +17,7 @@ from tripod_sim.contact.solid_build import surfaces
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.integrators.scheme import euler_stage
+from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.surfaces import Part
 
@@ -50,7 +51,9 @@ def test_the_silicone_that_falls_on_a_cube_rests_and_presses_with_its_weight(res
     """The shipped scene from a lower height and more damped, so that it rests soon."""
     words = ["obstacles.0.position=[0,0,-0.03]", "damping.mass=5", f"contact.response={response}"]
     simulation = Simulation(load_scene("silicone_drop", [*COARSE, *words]))
-    _, part, nodes, _ = surfaces(assembled(simulation.scene, described_mesh)[0], simulation.scene.contact)[0]
+    _, part, nodes, _ = surfaces(
+        assembled(lowered(simulation.scene), described_mesh)[0], simulation.scene.contact
+    )[0]
     half = 0.02
     corners = np.array([[x, y, z] for x in (-half, half) for y in (-half, half) for z in (-0.05, -0.01)])
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

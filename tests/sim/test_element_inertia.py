@@ -6,6 +6,7 @@ import pytest
 from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.soft_build import assembled, element_masses, masses, sets_of
+from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.scene import Scene
 
@@ -23,8 +24,8 @@ def bar(element: str, *words: str) -> Scene:
 @pytest.mark.parametrize("element", QUADRATIC)
 def test_a_bar_of_one_element_across_turns_and_moves_as_the_continuum(element: str) -> None:
     scene = bar(element)
-    assembly, _ = assembled(scene, described_mesh)
-    sets = sets_of(scene, assembly)
+    assembly, _ = assembled(lowered(scene), described_mesh)
+    sets = sets_of(lowered(scene), assembly)
     x = assembly.nodes - [0.15, 0.01, 0.005]
     lumped, (blocks,) = masses(assembly, sets, len(x)).inert, element_masses(assembly, sets)
 

@@ -9,8 +9,8 @@ from tripod_sim.build import build
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.linear.solver import LinearError
+from tripod_sim.lowering import lowered
 from tripod_sim.state import State
-from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
 
 STATIC = ("inertia=off", "damping=off", "mesh.level=1")
@@ -147,7 +147,7 @@ def test_servos_move_in_increments_and_the_slide_counts_as_a_turn_of_an_arm(
     scene = load_scene("tripod", ["mesh.level=1", "inertia=off", "damping=off", "solver.max_turn=0.05"])
     simulation = Simulation(scene)
     goal = simulation.command + np.array([turn, 0.0, 0.0, slide])
-    parts = max(turn, slide / reach_of(scene)) / 0.05
+    parts = max(turn, slide / lowered(scene).reach) / 0.05
     assert simulation.step(goal).parts == int(np.ceil(parts - 1e-9))
 
 

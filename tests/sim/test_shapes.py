@@ -175,7 +175,7 @@ def test_a_body_rests_or_slides_off_an_obstacle_without_entering_it(name: str, o
         f"obstacles=[{table(other, orientation=[0.6, 0.0, 0.0, 0.8])}]",
     ]
     simulation = Simulation(load_scene("stack", words))
-    (obstacle,), one, pressed = obstacle_parts(simulation.scene), shape(name), 0
+    (obstacle,), one, pressed = obstacle_parts(simulation.scene.obstacles), shape(name), 0
     rigid = simulation.state.rigid
     assert rigid
     for _ in range(60):
@@ -195,7 +195,7 @@ def test_a_cloth_hangs_over_an_obstacle(name: str) -> None:
         f"obstacles=[{table(name, orientation=[0.6, 0.0, 0.0, 0.8])}]",
     ]  # fmt: skip
     simulation = Simulation(load_scene("cloth", words))
-    (obstacle,) = obstacle_parts(simulation.scene)
+    (obstacle,) = obstacle_parts(simulation.scene.obstacles)
     for _ in range(60):
         report = simulation.step()
         assert report.contact
@@ -220,7 +220,7 @@ def test_bodies_that_begin_inside_of_each_other_are_refused(name: str) -> None:
 def test_an_obstacle_is_shown_where_it_stands(name: str) -> None:
     turn, place = [0.6, 0.0, 0.0, 0.8], [0.1, 0.2, -0.5]
     scene = load_scene("stack", [f"obstacles=[{table(name, position=place, orientation=turn)}]"])
-    (shown,) = obstacle_shapes(scene)
+    (shown,) = obstacle_shapes(scene.obstacles)
     here = shown.part.vertices.mean(axis=0)
     np.testing.assert_allclose(shown.vertices.mean(axis=0), here, atol=1e-9)
     np.testing.assert_allclose(here, place, atol=1e-9)

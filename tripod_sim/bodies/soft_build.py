@@ -1,4 +1,4 @@
-"""Scene to soft bodies: meshes and nets where they begin, and what they put into a system: mass, terms."""
+"""Model to soft bodies: meshes and nets where they begin, and what they put into a system: mass, terms."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -16,10 +16,9 @@ from tripod_sim.materials.law import parameters_of
 from tripod_sim.mesh.solid_mesh import SolidMesh, block_volumes, by_block, names_of, solid_volumes
 from tripod_sim.mesh.suited import mass_note, suited, width_note
 from tripod_sim.mesh.topology import parts as connected_parts
+from tripod_sim.model import Model
 from tripod_sim.node_sets import NodeSets
-from tripod_sim.scene import Scene
-from tripod_sim.scene_short import HOME, field_of, pose_of, soft_bodies
-from tripod_sim.tables.bodies import Body, Material, Mesh, Region
+from tripod_sim.tables.bodies import HOME, Body, Material, Mesh, Region
 
 if TYPE_CHECKING:
     from tripod_sim.forces.element_inertia import ElementMasses
@@ -35,42 +34,42 @@ class Masses(NamedTuple):
     inert: FloatArray
 
 
-def assembled(scene: Scene, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly, tuple[str, ...]]:
-    """Return the soft bodies of a scene where they are described to begin, and notes on them.
+def assembled(model: Model, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly, tuple[str, ...]]:
+    """Return the soft bodies of a model where they are described to begin, and notes on them.
 
     Args:
-        scene: What is described.
+        model: Of the scene.
         read: Makes a mesh.
 
     Raises:
         SceneError: a mesh or net cannot be made, or a tie misses.
     """
     bodies, notes, first = list[SoftBody](), list[str](), 0
-    tables, weighs = soft_bodies(scene), bool(scene.gravity or scene.inertia)
-    for k, table in enumerate(tables):
-        body, said = _body(
-            SoftBody(table, field_of(scene, k), np.zeros(0, dtype=np.int64), k), read, weighs=weighs
+    weighs = bool(model.gravity or model.scheme)
+    for k, (field, table) in enumerate(model.bodies):
+        body, said = _body(SoftBody(table, field, np.zeros(0, dtype=np.int64), k), read, weighs=weighs)
+        notes += (
+            said if len(model.bodies) == 1 else [type(note)(f"body {table.name!r}: {note}") for note in said]
         )
-        notes += said if len(tables) == 1 else [type(note)(f"body {table.name!r}: {note}") for note in said]
         count = len(body.mesh.nodes)
         bodies.append(replace(body, nodes=first + np.arange(count)))
         first += count
     assembly = Assembly(bodies)
-    if scene.tie:
+    if model.ties:
         from tripod_sim.bodies.ties import tied  # noqa: PLC0415 - an effect that is absent
 
-        assembly = tied(assembly, scene.tie, sets_of(scene, assembly))
-    if scene.platform:
+        assembly = tied(assembly, model.ties, sets_of(model, assembly))
+    if model.platforms:
         from tripod_sim.bodies.platform import Platforms  # noqa: PLC0415 - an effect that is absent
 
-        assembly = Platforms(scene.platform, sets_of(scene, assembly)).joined(assembly)
+        assembly = Platforms(model.platforms, sets_of(model, assembly)).joined(assembly)
     return assembly, tuple(notes)
 
 
-def sets_of(scene: Scene, assembly: Assembly) -> NodeSets:
+def sets_of(model: Model, assembly: Assembly) -> NodeSets:
     """Return the sets of the scene's nodes."""
     regions = {region.set for body in assembly.bodies for region in body.table.region}
-    return NodeSets(scene.set, assembly.nodes, assembly.groups, assembly.named, regions)
+    return NodeSets(model.sets, assembly.nodes, assembly.groups, assembly.named, regions)
 
 
 def _body(
@@ -95,7 +94,7 @@ def _body(
         raise SceneError(f"{body.field}{error}") from None
     if table.position == (0.0, 0.0, 0.0) and table.orientation == HOME:
         return body, notes
-    position, turn = pose_of(table)
+    position, turn = table.pose
     return body.placed(body.mesh.nodes @ turn.T + position), notes
 
 

@@ -1,16 +1,18 @@
 """What fixed regions and prescribed motions hold, and which motions of a body as a whole they leave free."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
-from tripod_sim.constraints.groups import Groups
-from tripod_sim.effect import Draft, Holding
+from tripod_sim.constraints.groups import DrivenFrame, Groups
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts
-from tripod_sim.scene_short import discs_of
+
+if TYPE_CHECKING:
+    from tripod_sim.constraints.prescribed import Prescribed
 
 AXES = "xyz"
 
@@ -18,15 +20,43 @@ LOOSE = 1e-12
 """Square of how firmly a motion as a whole is held, as a share of the firmest, below which it is free."""
 
 
-def held_groups(draft: Draft) -> Groups:
-    """Return all groups of the bodies. Raises SceneError where two of what holds nodes hold one along the same axis."""
-    nodes = draft.rest
-    owner, names = np.full(nodes.shape, -1), []
-    fields = [field for field, *_ in discs_of(draft.scene)]
-    fields += [f"platform.{i}" for i in range(len(draft.scene.platform))]
-    groups = [Holding(name, body, AXES) for name, body in zip(fields, draft.rigid, strict=True)]
-    groups += [Holding(f"servo_{i}", frame.nodes, AXES) for i, frame in enumerate(draft.driven)]
-    for name, held, axes in (*groups, *draft.fixed, *draft.moved):
+class Holding(NamedTuple):
+    """Nodes that something holds.
+
+    Attributes:
+        name: Of what does, for messages.
+        nodes: Shape (k,).
+        axes: Some of `xyz`.
+    """
+
+    name: str
+    nodes: IndexArray
+    axes: str = AXES
+
+
+def held_groups(
+    shape: tuple[int, int],
+    rigid: Sequence[Holding],
+    driven: tuple[DrivenFrame, ...],
+    fixed: Sequence[Holding],
+    moved: Sequence[Holding],
+    prescribed: "Prescribed | None",
+) -> Groups:
+    """Return all groups of the bodies.
+
+    Args:
+        shape: Of the positions of their nodes.
+        rigid: The nodes of each rigid body.
+        driven: The arms of servos.
+        fixed, moved: What is fixed, and what moves along timelines.
+        prescribed: These timelines; None without any.
+
+    Raises:
+        SceneError: two of what holds nodes hold one along the same axis, or all are held.
+    """
+    owner, names = np.full(shape, -1), []
+    groups = [*rigid, *(Holding(f"servo_{i}", frame.nodes) for i, frame in enumerate(driven))]
+    for name, held, axes in (*groups, *fixed, *moved):
         names.append(name)
         for axis in map(AXES.index, axes):
             before = owner[held, axis]
@@ -44,8 +74,8 @@ def held_groups(draft: Draft) -> Groups:
     whole = np.flatnonzero(own.all(axis=1))
     single = own.copy()
     single[whole] = False
-    rigid = tuple(draft.rigid)
-    return Groups(len(nodes), rigid, draft.driven, whole, np.argwhere(single), draft.prescribed)
+    bodies = tuple(body.nodes for body in rigid)
+    return Groups(shape[0], bodies, driven, whole, np.argwhere(single), prescribed)
 
 
 def free_motion(joined: Sequence[IndexArray], nodes: FloatArray, held: BoolArray) -> str:

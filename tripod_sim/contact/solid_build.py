@@ -1,4 +1,4 @@
-"""Scene to soft bodies in contact, finite-element solids and springs."""
+"""Model to soft bodies in contact, finite-element solids and springs."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,9 +17,8 @@ from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import check_boundary
 from tripod_sim.mesh.surfaces import Part
-from tripod_sim.node_sets import NodeSets
+from tripod_sim.model import Model
 from tripod_sim.parts import Parts
-from tripod_sim.scene import Scene
 from tripod_sim.system import System
 from tripod_sim.tables.contact import Contact
 
@@ -75,34 +74,37 @@ def surfaces(assembly: Assembly, contact: Contact) -> list[Surface]:
     return found
 
 
-def placed_bodies(assembly: Assembly, sets: NodeSets, scene: Scene, contact: Contact) -> Assembly:
+def placed_bodies(assembly: Assembly, held: IndexArray, model: Model, contact: Contact) -> Assembly:
     """Return the bodies where they can start: as they are, or lifted one after the other.
 
-    Raises SceneError if one passes through an obstacle or another body, and may or can not be lifted.
+    Args:
+        assembly: The bodies where they are described to begin.
+        held: Nodes that are fixed, or move along timelines.
+        model: Of the scene.
+        contact: Of the model.
+
+    Raises:
+        SceneError: one passes through an obstacle or another body, and may or can not be lifted.
     """
-    obstacles, moves = obstacle_parts(scene), dict[int, FloatArray]()
-    fixed = [sets.held(table.set, table.low, table.high, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
-    fixed += [b.nodes[b.net.fixed] for b in assembly.bodies if b.net]
-    fixed += [sets.nodes(table.set, f"prescribed.{i}.set") for i, table in enumerate(scene.prescribed)]
-    held = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *fixed]))
+    obstacles, moves = obstacle_parts(model.obstacles), dict[int, FloatArray]()
     placed = list[tuple[str, Part]]()
     for name, part, _, first in surfaces(assembly, contact):
         here = part
         check_itself(part, contact.contact_distance)
-        if scene.servos and first == 0:  # it begins where the servos bring it
+        if model.posed and first == 0:  # it begins where the servos bring it
             continue
         others = [*obstacles, *(other for _, other in placed)]
         if contact.start == "refuse" or not others:
             check_start(part, obstacles, name)
             check_apart(name, part, placed)
-        elif np.isin(assembly.bodies[first].nodes, held).any():
+        elif _hold(held, assembly, first):
             if passing(part, others).size:
                 raise SceneError(
                     f"contact.start is 'lift', but {name} is held inside something that it passes through; move "
                     "that"
                 )
         else:
-            move = lift(part, others, upward(scene), contact.contact_distance, name)
+            move = lift(part, others, upward(model.gravity), contact.contact_distance, name)
             here, moves[first] = replace(part, vertices=part.vertices + move), move
         placed.append((name, here))
     if not any(move.any() for move in moves.values()):
@@ -110,38 +112,43 @@ def placed_bodies(assembly: Assembly, sets: NodeSets, scene: Scene, contact: Con
     return assembly.moved(lambda body: moves.get(body.tied, np.zeros(3)))
 
 
+def _hold(held: IndexArray, assembly: Assembly, first: int) -> bool:
+    """Return whether one of the nodes `held` belongs to a body, or to one that is tied to it."""
+    return any(np.isin(body.nodes, held).any() for body in assembly.bodies if body.tied == first)
+
+
 def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     """Return the parts of a simulation of soft bodies, and rigid ones if there are any, among obstacles.
 
     Raises SceneError: a body passes through something at the start.
     """
-    scene, assembly, mass, inertia = draft.scene, draft.assembly, draft.inert, draft.inertia
+    model, assembly, mass, inertia = draft.model, draft.assembly, draft.inert, draft.inertia
     assert inertia
     found = surfaces(assembly, contact)
     for s in found:
         draft.notes += near_itself(s.part, contact.contact_distance, s.name)
     vertices = np.concatenate([s.nodes for s in found])
-    newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
-    stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
+    newton = Newton(system, model.solver.tolerance, model.solver.max_iterations)
+    stage = ImplicitStage(newton, inertia, mass, model.drag)
     near = contact.tolerance * contact.contact_distance
-    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, near, draft.bound)
-    there = [s for s in found if not (scene.servos and s.first == 0)]
+    nodes = SolidNodes(stage, mass, vertices, MODES * model.solver.tolerance, near, draft.bound)
+    there = [s for s in found if not (model.posed and s.first == 0)]
     alone = len(assembly.bodies) == 1
     placed = [("the soft body" if alone else s.name, s.part) for s in there]
     mesh, skin, rigid, stepper = touching(
-        scene, contact, (nodes, [s.part for s in found]), placed, *shown(assembly)[:2]
+        model, contact, (nodes, [s.part for s in found]), placed, *shown(assembly)[:2]
     )
 
     def check_start_of(positions: FloatArray) -> None:
         """Name what passes through what where the servos have brought the first body."""
         name, part, own, _ = found[0]
         body = replace(part, vertices=positions[own])
-        check_start(body, obstacle_parts(scene), name)
+        check_start(body, obstacle_parts(model.obstacles), name)
         check_apart(name, body, [(s.name, s.part) for s in found[1:]])
         if rigid:
             from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415 - an effect that is absent
 
             check_beside(rigid, body)
 
-    check = check_start_of if scene.servos else None
+    check = check_start_of if model.posed else None
     return Parts(mesh, mass, system, stepper, skin=skin, rigid=rigid, check_start=check)

@@ -1,9 +1,12 @@
 """Effect: a rigid ball, in the maze or among what touches."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tripod_sim.effect import Described, Draft, Effect, Need
 from tripod_sim.errors import SceneError
+from tripod_sim.model import Model
 from tripod_sim.tables.maze import Ball
 
 
@@ -23,6 +26,11 @@ def check(ball: Ball, scene: Described) -> None:
             raise SceneError(f"ball.{name} is {value:g}, but {why}")
 
 
+def lower(ball: Ball, scene: Described, model: Model) -> Model:
+    """Leave the ball in a maze to that; elsewhere it is one of the rigid bodies."""
+    return replace(model, ball=ball) if scene.maze else model
+
+
 def act(ball: Ball, draft: Draft) -> None:
     """Let it move in the maze, which feels it as loads on nodes."""
     if not draft.plate:
@@ -30,10 +38,9 @@ def act(ball: Ball, draft: Draft) -> None:
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.maze.play import MazeBall
 
-    scene = draft.scene
-    loads, gravity = NodalLoads(draft.rest), np.array(scene.gravity.acceleration)
+    loads, gravity = NodalLoads(draft.rest), np.array(draft.model.gravity)
     draft.terms.append(loads)
-    draft.ball = MazeBall(ball, draft.plate, gravity, loads, quasi_static=not scene.inertia)
+    draft.ball = MazeBall(ball, draft.plate, gravity, loads, quasi_static=draft.model.scheme is None)
 
 
 BALL = "ball"
@@ -45,6 +52,7 @@ EFFECT = Effect(
     rest=False,
     needs=(Need("gravity", "without it the ball would never touch anything"),),
     check=check,
+    lower=lower,
     modules=("ball", "forces.loads"),
     stages={
         "forces.loads.NodalLoads": {"add_gradient": BALL},

@@ -1,10 +1,14 @@
 """Effect: nothing passes through anything."""
 
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from tripod_sim.effect import Described, Draft, Effect, Parts
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.schemes import IMPLICIT
+from tripod_sim.model import Model
 from tripod_sim.scene_short import contact_of, rigids_of, soft_bodies
 from tripod_sim.tables.contact import Contact
 
@@ -38,11 +42,20 @@ def check(contact: Contact, scene: Described) -> None:
         )
 
 
+def lower(contact: Contact, scene: Described, model: Model) -> Model:
+    """Give the model the contact, that of a ball too; velocities jump at impacts."""
+    return replace(model, contact=contact, jumps=True)
+
+
 def place(contact: Contact, draft: Draft) -> None:
     """Put bodies where they pass through nothing."""
     from tripod_sim.contact.solid_build import placed_bodies
 
-    draft.assembly = placed_bodies(draft.assembly, draft.sets, draft.scene, contact)
+    fixed = [body.nodes[body.net.fixed] for body in draft.assembly.bodies if body.net]
+    held = np.concatenate(
+        [*fixed, *(held.nodes for held in (*draft.fixed, *draft.moved)), np.zeros(0, np.int64)]
+    )
+    draft.assembly = placed_bodies(draft.assembly, held, draft.model, contact)
     draft.rest = draft.assembly.nodes
 
 
@@ -70,6 +83,7 @@ EFFECT = Effect(
     rigid=True,
     rest=False,
     check=check,
+    lower=lower,
     modules=("contact", "shapes"),
     stages={
         "contact.stepper.ContactStepper": {"step": f"{CONTACT}: bookkeeping"},

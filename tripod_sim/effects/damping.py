@@ -1,8 +1,9 @@
 """Effect: damping by mass and by stiffness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from tripod_sim.effect import Draft, Effect, Need
+from tripod_sim.effect import Described, Draft, Effect, Need
+from tripod_sim.model import Model
 from tripod_sim.tables.fields import number
 
 
@@ -23,6 +24,11 @@ class Damping:
     stiffness: float = number(5e-4, unit="s", low=0, high=1e3)
 
 
+def lower(damping: Damping, scene: Described, model: Model) -> Model:
+    """Give the model its drag."""
+    return replace(model, drag=damping.mass)
+
+
 def act(damping: Damping, draft: Draft) -> None:
     """Give solids and springs their dampers."""
     draft.damping = damping.stiffness
@@ -33,5 +39,6 @@ EFFECT = Effect(
     rank=30,
     rest=False,
     needs=(Need("inertia", "a scene at rest has no velocity to damp; add [inertia], or leave damping out"),),
+    lower=lower,
     act=act,
 )

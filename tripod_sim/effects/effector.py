@@ -1,7 +1,8 @@
 """Effect: a rigid disc in the centre of the piece."""
 
+from tripod_sim.constraints.held import Holding
 from tripod_sim.effect import Draft, Effect
-from tripod_sim.scene_short import discs_of, pose_of
+from tripod_sim.scene_short import discs_of
 from tripod_sim.tables.robot import Effector
 
 
@@ -10,9 +11,10 @@ def hold(effector: Effector, draft: Draft) -> None:
     from tripod_sim.robot.disc import effector_disc
 
     own = {body.table.name: body.nodes for body in draft.assembly.bodies}
-    for field, table, body in discs_of(draft.scene):
-        nodes, (position, turn) = own[body.name], pose_of(body)
-        draft.rigid.append(nodes[effector_disc((draft.rest[nodes] - position) @ turn, table, field)])
+    for field, table, body in draft.model.discs:
+        nodes, (position, turn) = own[body.name], body.pose
+        disc = nodes[effector_disc((draft.rest[nodes] - position) @ turn, table, field)]
+        draft.rigid.append(Holding(field, disc))
 
 
 EFFECT = Effect(

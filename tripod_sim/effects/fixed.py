@@ -1,6 +1,7 @@
 """Effect: nodes that never move, or not along some axes."""
 
-from tripod_sim.effect import Described, Draft, Effect, Holding
+from tripod_sim.constraints.held import Holding
+from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.fields import check_axes, check_box
 from tripod_sim.tables.sets import Fixed

@@ -1,8 +1,9 @@
 """Effect: weight."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from tripod_sim.effect import Draft, Effect
+from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.model import Model
 from tripod_sim.tables.fields import number
 
 
@@ -19,6 +20,11 @@ class Gravity:
     )
 
 
+def lower(gravity: Gravity, scene: Described, model: Model) -> Model:
+    """Give the model its acceleration."""
+    return replace(model, gravity=gravity.acceleration)
+
+
 def act(gravity: Gravity, draft: Draft) -> None:
     """Add the weight of the nodes, dead loads with it.
 
@@ -26,8 +32,7 @@ def act(gravity: Gravity, draft: Draft) -> None:
     """
     from tripod_sim.forces.gravity import GravityForce
 
-    inertia = draft.scene.inertia
-    masses = draft.inert if inertia and inertia.explicit else draft.load
+    masses = draft.inert if draft.model.explicit else draft.load
     draft.terms.append(GravityForce(masses, gravity.acceleration, draft.rest, draft.dead))
 
 
@@ -38,5 +43,6 @@ EFFECT = Effect(
     modules=("forces.gravity",),
     stages={"forces.gravity.GravityForce": {"add_gradient": "gravity"}},
     steps=("gravity",),
+    lower=lower,
     act=act,
 )

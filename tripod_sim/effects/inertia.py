@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
-from tripod_sim.integrators.scheme import ImplicitScheme, Scheme
+from tripod_sim.integrators.scheme import Scheme
 from tripod_sim.integrators.schemes import SCHEMES, implicit_euler
+from tripod_sim.model import Model
 from tripod_sim.tables.fields import number, one_of
 
 
@@ -36,13 +37,6 @@ class Inertia:
         return replace(scheme, **{name: value for name, value in given.items() if value is not None})
 
     @property
-    def implicit(self) -> ImplicitScheme:
-        """Return the scheme, which must be an implicit one."""
-        scheme = self.integrator
-        assert isinstance(scheme, ImplicitScheme)
-        return scheme
-
-    @property
     def explicit(self) -> bool:
         """Whether steps solve no equations."""
         return SCHEMES[self.scheme].explicit
@@ -61,6 +55,11 @@ def check(inertia: Inertia, scene: Described) -> None:
                 f"inertia.{name} is {getattr(inertia, name):g}, but inertia.scheme is {inertia.scheme!r}, which does "
                 f"not use it; leave it out, or set inertia.scheme to {' or '.join(takers)}"
             )
+
+
+def lower(inertia: Inertia, scene: Described, model: Model) -> Model:
+    """Give the model its time integrator."""
+    return replace(model, scheme=inertia.integrator, divide=inertia.substeps == "auto")
 
 
 def act(inertia: Inertia, draft: Draft) -> None:
@@ -103,5 +102,6 @@ EFFECT = Effect(
     },
     steps=("inertia", "stability limit", "explicit parts"),
     check=check,
+    lower=lower,
     act=act,
 )

@@ -49,7 +49,7 @@ def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
 
 def act(tables: tuple[Load, ...], draft: Draft) -> None:
     """Add the forces where there is no weight that has them."""
-    if not draft.scene.gravity:
+    if draft.model.gravity is None:
         from tripod_sim.forces.gravity import GravityForce
 
         draft.terms.append(GravityForce(draft.load, (0.0, 0.0, 0.0), draft.rest, draft.dead))

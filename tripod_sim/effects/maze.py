@@ -8,7 +8,7 @@ def extend(maze: Maze, draft: Draft) -> None:
     """Fasten the plate's mass points to the disc."""
     from tripod_sim.maze.plate import fasten
 
-    radius = draft.scene.ball.radius if draft.scene.ball else 0.0
+    radius = draft.model.ball.radius if draft.model.ball else 0.0
     draft.rest, draft.groups, draft.plate = fasten(draft.rest, draft.groups, maze, radius)
 
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_sim.effect import Described, Draft, Effect, Holding
+from tripod_sim.constraints.held import Holding
+from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.fields import check_axes, number
 from tripod_sim.tables.sets import Vector

@@ -3,13 +3,12 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from tripod_sim.effect import Described, Effect, Need, Parts
+from tripod_sim.effect import Effect, Need, Parts
+from tripod_sim.model import Model
 from tripod_sim.tables.robot import ServoDynamics
 
 
-def finish(
-    table: ServoDynamics, scene: Described, parts: Parts, build: Callable[[Described], Parts]
-) -> Parts:
+def finish(table: ServoDynamics, model: Model, parts: Parts, build: Callable[[Model], Parts]) -> Parts:
     """Let the servos turn as described."""
     from tripod_sim.robot.servo import ServoMotion
 

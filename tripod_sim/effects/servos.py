@@ -5,7 +5,7 @@ from operator import ge
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import joints_of, servo_tables, soft_bodies
+from tripod_sim.scene_short import servo_tables, soft_bodies
 from tripod_sim.tables.fields import other_unit
 from tripod_sim.tables.robot import Servos
 
@@ -41,7 +41,7 @@ def hold(servos: Servos, draft: Draft) -> None:
     """Let each arm drive what it holds."""
     from tripod_sim.robot.arms import servo_arms
 
-    joints = joints_of(draft.scene)
+    joints = draft.model.joints
     assert joints
     draft.driven = servo_arms(joints, draft.sets)
 

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from tripod_sim.effect import Described, Effect, Need, Parts
+from tripod_sim.effect import Effect, Need, Parts
+from tripod_sim.model import Model
 from tripod_sim.tables.fields import number
 
 
@@ -20,7 +21,7 @@ class Sleep:
     time: float = number(0.25, unit="s", above=0, high=1e3)
 
 
-def finish(table: Sleep, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
+def finish(table: Sleep, model: Model, parts: Parts, build: Callable[[Model], Parts]) -> Parts:
     """Take steps only while something moves."""
     from tripod_sim.integrators.sleep import Sleeping
 

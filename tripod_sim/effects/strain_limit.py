@@ -1,9 +1,10 @@
 """Effect: springs that cannot be stretched beyond a bound."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
+from tripod_sim.model import Model
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.fields import number
 
@@ -28,12 +29,17 @@ def check(table: StrainLimit, scene: Described) -> None:
         )
 
 
+def lower(table: StrainLimit, scene: Described, model: Model) -> Model:
+    """Say that velocities jump where springs reach the bound."""
+    return replace(model, jumps=True)
+
+
 def act(table: StrainLimit, draft: Draft) -> None:
     """Bound the springs: in implicit stages as a term, after explicit steps by moving nodes."""
     from tripod_sim.bodies.soft_build import strain_bound
 
     draft.bound = strain_bound(draft.assembly, draft.groups, draft.inert, table.stretch)
-    if not draft.scene.inertia.explicit:
+    if not draft.model.explicit:
         draft.terms.append(draft.bound)
 
 
@@ -42,6 +48,7 @@ EFFECT = Effect(
     rank=120,
     rest=False,
     check=check,
+    lower=lower,
     modules=("forces.strain_bound", "integrators.strain_limit"),
     stages={
         "forces.strain_bound.StrainBound": {

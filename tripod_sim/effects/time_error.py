@@ -6,6 +6,7 @@ from dataclasses import replace
 from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.schemes import auto
+from tripod_sim.model import ErrorEstimate, Model
 from tripod_sim.scene_short import contact_of, rigids_of, servo_tables, soft_bodies
 from tripod_sim.tables.method import TimeError
 
@@ -16,18 +17,12 @@ def halves(scene: Described) -> bool:
     return not carried or contact_of(scene) is not None or scene.strain_limit is not None
 
 
-def by_way(scene: Described) -> bool:
-    """Return whether steps are chosen by what they err over their way (see `integrators.path_error_control`)."""
+def by_path(scene: Described) -> bool:
+    """Return whether steps are chosen by what they err over their path (see `integrators.path_error_control`)."""
     wanted = scene.time_error
     return bool(
         wanted and scene.inertia and wanted.steps == "auto" and (wanted.accuracy > 0 or halves(scene))
     )
-
-
-def carried(scene: Described) -> TimeError | None:
-    """Return what a scene asks of the error of the time steps where the scheme itself carries that along."""
-    wanted: TimeError | None = scene.time_error
-    return None if halves(scene) or by_way(scene) else wanted
 
 
 def check(wanted: TimeError, scene: Described) -> None:
@@ -65,7 +60,7 @@ def not_promised(scene: Described) -> str:
     that something holds and that swings on obstacles. A ball in a maze is watched by two others, which tell what its
     place depends on (`TimeErrorReport.ball`).
     """
-    if not (scene.time_error and scene.time_error.accuracy and by_way(scene)):
+    if not (scene.time_error and scene.time_error.accuracy and by_path(scene)):
         return ""
     bodies, contact, accuracy = soft_bodies(scene), contact_of(scene), scene.time_error.accuracy
     if scene.maze and not contact:
@@ -100,35 +95,37 @@ def promise_note(scene: Described) -> str:
     )
 
 
-def prepare(wanted: TimeError, scene: Described) -> Described:
-    """Choose a scheme for steps that are chosen by their way, where that is left open."""
-    if not (by_way(scene) and scene.inertia.integrator.is_automatic):
-        return scene
-    scheme = auto.SCHEME.at_hits if halves(scene) else auto.SCHEME.smooth
-    return replace(scene, inertia=replace(scene.inertia, scheme=scheme.name))
+def lower(wanted: TimeError, scene: Described, model: Model) -> Model:
+    """Say how the error is found; choose a scheme for steps that are chosen by their path, where that is left open."""
+    if not by_path(scene):
+        found = ErrorEstimate.HALF_STEPS if halves(scene) else ErrorEstimate.CARRIED
+        return replace(model, time_error=wanted, estimate=found)
+    if model.scheme and model.scheme.is_automatic:
+        model = replace(model, scheme=auto.SCHEME.at_hits if halves(scene) else auto.SCHEME.smooth)
+    note = promise_note(scene)
+    notes = (*model.notes, *([note] if note else []))
+    return replace(model, time_error=wanted, estimate=ErrorEstimate.OVER_PATH, notes=notes)
 
 
-def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
-    """Let steps be chosen by their way, or find their error by others of half the length."""
+def finish(wanted: TimeError, model: Model, parts: Parts, build: Callable[[Model], Parts]) -> Parts:
+    """Let steps be chosen by their path, or find their error by others of half the length."""
     from tripod_sim.integrators.step_control import HalveOnFailure
     from tripod_sim.integrators.substeps import Substeps
 
-    if by_way(scene):
+    assert model.scheme
+    if model.estimate is ErrorEstimate.OVER_PATH:
         from tripod_sim.integrators.path_error_control import PathErrorControl
 
-        contact = contact_of(scene)
-        distance = contact.contact_distance if contact else 0.0
-        solid = any(body.springs is None for body in soft_bodies(scene))
-        control = PathErrorControl(parts, wanted, scene.inertia.integrator, distance, solid=solid)
-        note, steps = promise_note(scene), Substeps(control.integrator, control)
-        return replace(parts, stepper=steps, chosen=control, notes=(*parts.notes, *([note] if note else [])))
+        distance = model.contact.contact_distance if model.contact else 0.0
+        solid = any(body.springs is None for _, body in model.bodies)
+        control = PathErrorControl(parts, wanted, model.scheme, distance, solid=solid)
+        return replace(parts, stepper=Substeps(control.integrator, control), chosen=control)
     if parts.errors:
         return parts
     from tripod_sim.integrators.doubling import Doubling
 
-    twin = build(replace(scene, dt=0.5 * scene.dt, time_error=None))
-    order = 1 if contact_of(scene) or scene.strain_limit else scene.inertia.integrator.order
-    doubling = Doubling(parts, twin, order)
+    twin = build(replace(model, dt=0.5 * model.dt, time_error=None, estimate=None))
+    doubling = Doubling(parts, twin, 1 if model.jumps else model.scheme.order)
     return replace(parts, stepper=Substeps(doubling, HalveOnFailure(0)), doubling=doubling)
 
 
@@ -162,6 +159,6 @@ EFFECT = Effect(
         "integrators.doubling.Doubling": {"step": TIME_ERROR},
     },
     steps=(TIME_ERROR,),
-    prepare=prepare,
+    lower=lower,
     finish=finish,
 )

@@ -34,6 +34,7 @@ from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.integrators.report import MeshErrorReport
+from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import element_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
@@ -43,7 +44,6 @@ from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import contact_of, soft_bodies
 from tripod_sim.state import State
-from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import GENERATED, Mesh
 
@@ -108,7 +108,7 @@ class MeshError:
         self._rotations = Rotations(mesh, system)
         self._newton = ChordNewton(system, solver.tolerance, solver.max_iterations)
         self._careful = quasi_static_steps(
-            self._newton, solver.max_halvings, solver.max_turn, reach_of(scene)
+            self._newton, solver.max_halvings, solver.max_turn, lowered(scene).reach
         )
         self._moves = bool(scene.inertia)
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf

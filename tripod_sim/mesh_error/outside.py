@@ -13,6 +13,7 @@ from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import build
 from tripod_sim.errors import SceneError
 from tripod_sim.linear.choice import linear_factory
+from tripod_sim.lowering import lowered
 from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
@@ -67,9 +68,9 @@ def alone(scene: Scene, mesh: Mesh) -> Scene:
 def _has(scene: Scene, tables: tuple[NodeSet, ...], name: str) -> bool:
     """Return whether a set of `tables` has nodes of the scene's body."""
     bare = replace(scene, set=(), fixed=(), prescribed=(), load=())
-    assembly, _ = assembled(bare, described_mesh)
+    assembly, _ = assembled(lowered(bare), described_mesh)
     try:
-        return bool(len(sets_of(replace(bare, set=tables), assembly).nodes(name, "")))
+        return bool(len(sets_of(lowered(replace(bare, set=tables)), assembly).nodes(name, "")))
     except SceneError:
         return False
 

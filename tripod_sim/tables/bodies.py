@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
+from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.materials.laws import NAMES
 from tripod_sim.tables.fields import number, one_of
@@ -149,6 +153,10 @@ class Springs:
         return bool(self.fixed_nodes or self.fixed_corners)
 
 
+HOME = (0.0, 0.0, 0.0, 1.0)
+"""No rotation."""
+
+
 @dataclass(frozen=True)
 class Body:
     """A soft body: a solid (`mesh` and `material`) or `springs`. Any number of them may be beside each other.
@@ -178,6 +186,11 @@ class Body:
     springs: Springs | None = None
     servos: Servos | None = None
     effector: Effector | None = None
+
+    @property
+    def pose(self) -> tuple[FloatArray, FloatArray]:
+        """Position [m] and rotation matrix."""
+        return np.array(self.position), quaternion_matrix(self.orientation)
 
 
 @dataclass(frozen=True)

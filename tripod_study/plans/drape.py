@@ -51,7 +51,7 @@ def crossings_of(scene: Scene) -> Crossings:
     assert scene.contact
     net, none = spring_net(scene.springs), np.zeros((0, 2), dtype=np.int64)
     part = Part(net.nodes, net.triangles, none, self_contact=scene.contact.self_contact)
-    return Crossings(part, obstacle_parts(scene))
+    return Crossings(part, obstacle_parts(scene.obstacles))
 
 
 def plan(*, quick: bool) -> Plan:

@@ -58,7 +58,7 @@ def _obstacles(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
     from tripod_sim.contact.contact_build import obstacle_shapes  # noqa: PLC0415 - only where there are obstacles
 
     found, left = list[dict[str, Any]](), MOST_TRIANGLES
-    for part in obstacle_shapes(simulation.scene):
+    for part in obstacle_shapes(simulation.scene.obstacles):
         left -= len(part.triangles)
         if left < 0:
             return found, f"obstacles of more than {MOST_TRIANGLES} triangles are not drawn"
