@@ -26,9 +26,9 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.materials.law import initial_young
 from tripod_sim.robot.disc import effector_disc
 from tripod_sim.scene import Scene
+from tripod_sim.tables.materials import initial_young
 
 ELEMENTS = {"t4": "C3D4", "t10": "C3D10", "h20": "C3D20R", "h20_full": "C3D20"}
 """Elements of the simulator that CalculiX has with the same shape functions and the same quadrature points."""

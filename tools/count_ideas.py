@@ -140,7 +140,7 @@ IDEAS = {
     "descents": Idea(1, 2, descents),
     "roll-backs": Idea(1, 5, roll_backs),
     "time errors": Idea(1, 4, time_errors),
-    "circles": Idea(0, 5, circles),
+    "circles": Idea(0, 0, circles),
     "types": Idea(0, 15, types),
     "scheme names": Idea(0, 0, scheme_names),
 }

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.stepper import Stepper
 from tripod_sim.state import State, TwinState, WayState
 from tripod_sim.tables.method import Solver
 
@@ -21,23 +21,6 @@ if TYPE_CHECKING:
     from tripod_sim.springs.body import SpringBody
     from tripod_sim.springs.skin import ChainSkin
     from tripod_sim.system import System
-
-
-class Stepper(Protocol):
-    """Advances a state by one step."""
-
-    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Advance in place, or raise StepError and leave `state` as it was."""
-
-    def forget(self) -> None:
-        """Drop what was kept from earlier steps, so that the next depends on its state alone."""
-
-
-def integrator_of(stepper: Any) -> Any:
-    """Return what a stepper integrates with in the end: what wraps it, such as `Substeps`, has it as `integrator`."""
-    while inner := getattr(stepper, "integrator", None):
-        stepper = inner
-    return stepper
 
 
 T_co = TypeVar("T_co", covariant=True)

@@ -14,9 +14,9 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import SoftBody
 from tripod_sim.effect import Draft
 from tripod_sim.errors import Doubt
-from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.solid_mesh import solid_volumes
 from tripod_sim.tables.bodies import Material
+from tripod_sim.tables.materials import initial_young
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.constraints.prescribed import Motion

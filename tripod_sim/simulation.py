@@ -18,8 +18,9 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.parts import Parts, integrator_of
+from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import BALL, contact_of, discs_of, joints_of
 from tripod_sim.state import State

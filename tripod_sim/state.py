@@ -10,7 +10,6 @@ from tripod_sim.copied import Copied
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
-    from tripod_sim.integrators.time_error import ErrorState
     from tripod_sim.rigid_state import RigidState
     from tripod_sim.robot.servo import ServoState
 
@@ -85,6 +84,48 @@ class State(Copied):
             self.twin.copy_to(other.twin)
         if self.way and other.way:
             self.way.copy_to(other.way)
+
+
+@dataclass(eq=False)
+class ErrorState(Copied):
+    """What the estimate of `integrators.time_error` remembers from step to step.
+
+    Attributes:
+        error: e_x [m] and e_v [m/s] in the `Coordinates` of the transport, shape (2, n, k).
+        before: What the next step may use of the last stage: change, rate and curve (as in `history.History`) of the
+            errors, shape (3, 2, n, k).
+        velocities: At the end of the last step [m/s], shape (nodes, 3).
+        accelerations: At the ends of the last two steps [m/s²], the latest first, shape (2, n, k).
+        length: Time between these [s].
+        behind: From the latest to the end of the last step [s].
+        known: How many of the accelerations are known.
+        missing: Length of a first step whose part of the error that comes of j waits for the next step [s], else 0.
+        proposed: Length of the next step, where the simulator chooses it [s]; 0 before the first.
+        last: Error that the last step added, in parts of the tolerance.
+        order: Of the scheme proposed for the next step, where the simulator chooses that, too; 0 before the first.
+        still: Whether the last step left no error, and changed neither velocities nor accelerations.
+    """
+
+    error: FloatArray
+    before: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    known: int = 0
+    length: float = 0.0
+    behind: float = 0.0
+    missing: float = 0.0
+    proposed: float = 0.0
+    last: float = 1.0
+    order: int = 0
+    still: bool = False
+
+    def copy_to(self, other: "ErrorState") -> None:
+        """As for others, but written out: each step does it."""
+        other.error[:], other.before[:] = self.error, self.before
+        other.velocities[:], other.accelerations[:] = self.velocities, self.accelerations
+        other.known, other.length, other.missing = self.known, self.length, self.missing
+        other.proposed, other.last, other.order = self.proposed, self.last, self.order
+        other.still, other.behind = self.still, self.behind
 
 
 @dataclass(eq=False)

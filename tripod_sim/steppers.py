@@ -8,9 +8,9 @@ from tripod_sim.effect import Draft
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.scheme import ExplicitScheme
+from tripod_sim.integrators.stepper import Stepper
 from tripod_sim.integrators.substeps import Substeps, halving
 from tripod_sim.model import ErrorEstimate, Model
-from tripod_sim.parts import Stepper
 from tripod_sim.system import System
 
 if TYPE_CHECKING:

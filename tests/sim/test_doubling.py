@@ -11,7 +11,7 @@ from tests.messages import raises_naming
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.parts import integrator_of
+from tripod_sim.integrators.stepper import integrator_of
 
 BOUND = ("strain_limit={stretch=0.01}", "springs.stiffness=300", "dt=0.002")
 EXPLICIT_SOLID = ("mesh.level=1", "damping=off", "dt=0.01")

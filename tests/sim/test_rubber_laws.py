@@ -14,9 +14,10 @@ from tripod_sim.forces.solid_arrays import no_solid
 from tripod_sim.forces.solid_kernels import ELASTIC, solid_gradient
 from tripod_sim.materials import calls
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.materials.law import initial_young, law_named, vector
+from tripod_sim.materials.law import law_named, vector
 from tripod_sim.materials.laws import KAPPA, NAMES
 from tripod_sim.tables.bodies import Material
+from tripod_sim.tables.materials import initial_young
 
 OWN = {
     "mooney_rivlin": (0.3, 0.1),

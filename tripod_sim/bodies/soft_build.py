@@ -12,13 +12,13 @@ from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.elements.element import row_sums
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
-from tripod_sim.materials.law import parameters_of
 from tripod_sim.mesh.solid_mesh import SolidMesh, block_volumes, by_block, names_of, solid_volumes
 from tripod_sim.mesh.suited import mass_note, suited, width_note
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.model import Model
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.bodies import HOME, Body, Material, Mesh, Region
+from tripod_sim.tables.materials import parameters_of
 
 if TYPE_CHECKING:
     from tripod_sim.forces.element_inertia import ElementMasses

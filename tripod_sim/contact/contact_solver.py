@@ -13,7 +13,6 @@ look back on. Where moves without forces show the hit, the scheme's own stages a
 steps of implicit Euler, too.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -28,6 +27,7 @@ from tripod_sim.contact.hit_kernels import hits, meets
 from tripod_sim.contact.impact import Impact, inverse_masses
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
+from tripod_sim.integrators.report import ContactReport
 from tripod_sim.integrators.scheme import ImplicitScheme, Stage
 from tripod_sim.integrators.schemes import implicit_euler
 from tripod_sim.mesh.surfaces import Part, join
@@ -39,46 +39,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 
 TINY = 1e-12
 """Moves that are none [m]."""
-
-
-@dataclass
-class ContactReport:
-    """What contact took in one step.
-
-    Attributes:
-        contacts: Pairs within the alarm distance, or met.
-        pressed: Those that carry a force.
-        rounds: Of multipliers.
-        residual: Largest error of gap, complementarity or slip at the end [m].
-        smallest_gap: Smallest gap at the end beyond the contact distance, negative by how deep bodies sink in [m];
-            infinite without contacts.
-        force: Sum of the normal forces [N].
-        passes: Times that the response was solved.
-        met: Pairs that continuous detection added.
-        cut: Fraction of the step that was given up to let nothing pass; 0 unless the response failed.
-        parts: Parts that the step was divided into.
-        restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
-            to last step did not end smoothly.
-        lowered: By how much the coefficient of restitution was lowered at most, so that hits gave no energy.
-        meets: Share of the step after which bodies that move on without forces hit; infinite where they do not, and
-            where the step was not one of implicit Euler.
-        way: To the forces, of the last response: `compliance` (few contacts), `multipliers` on all unknowns, `penalty`.
-    """
-
-    contacts: int = 0
-    pressed: int = 0
-    rounds: int = 0
-    residual: float = 0.0
-    smallest_gap: float = np.inf
-    force: float = 0.0
-    passes: int = 0
-    met: int = 0
-    cut: float = 0.0
-    parts: int = 0
-    restarted: bool = False
-    lowered: float = 0.0
-    meets: float = np.inf
-    way: str = ""
 
 
 class ContactSolver:

@@ -21,7 +21,7 @@ from tripod_sim.contact.rest_bodies import Touching, loose
 from tripod_sim.contact.rest_rows import Points, Rest
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.parts import integrator_of
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 

@@ -10,9 +10,10 @@ sticks to where it was, follows the way.
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.contact.contact_solver import ContactReport, ContactSolver
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.problem import DescentError
 from tripod_sim.contact.stepper import ContactStepper
+from tripod_sim.integrators.report import ContactReport
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.state import State
 

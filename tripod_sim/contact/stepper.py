@@ -3,10 +3,10 @@
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.contact.contact_solver import ContactReport, ContactSolver
+from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.problem import DescentError
 from tripod_sim.errors import StepError
-from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.report import ContactReport, StepReport
 from tripod_sim.state import State
 
 

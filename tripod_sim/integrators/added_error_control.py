@@ -24,8 +24,7 @@ from typing import TYPE_CHECKING
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.step_control import MOST_FAILED, StepControl, Substep, Work
-from tripod_sim.integrators.time_error import ErrorState
-from tripod_sim.state import State
+from tripod_sim.state import ErrorState, State
 
 if TYPE_CHECKING:
     from tripod_sim.integrators.implicit import ImplicitSteps

@@ -62,7 +62,8 @@ from tripod_sim.state import State, WayState
 from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:
-    from tripod_sim.contact.contact_solver import ContactReport, ContactSolver
+    from tripod_sim.contact.contact_solver import ContactSolver
+    from tripod_sim.integrators.report import ContactReport
     from tripod_sim.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.contact.contact_solver import ContactReport
     from tripod_sim.integrators.newton import NewtonReport
     from tripod_sim.integrators.time_error import TimeErrorReport
     from tripod_sim.robot.servo import Stall
@@ -41,6 +40,46 @@ SUMMED = tuple(name for name in WORK if name != "rejected")
 
 
 @dataclass
+class ContactReport:
+    """What contact took in one step.
+
+    Attributes:
+        contacts: Pairs within the alarm distance, or met.
+        pressed: Those that carry a force.
+        rounds: Of multipliers.
+        residual: Largest error of gap, complementarity or slip at the end [m].
+        smallest_gap: Smallest gap at the end beyond the contact distance, negative by how deep bodies sink in [m];
+            infinite without contacts.
+        force: Sum of the normal forces [N].
+        passes: Times that the response was solved.
+        met: Pairs that continuous detection added.
+        cut: Fraction of the step that was given up to let nothing pass; 0 unless the response failed.
+        parts: Parts that the step was divided into.
+        restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
+            to last step did not end smoothly.
+        lowered: By how much the coefficient of restitution was lowered at most, so that hits gave no energy.
+        meets: Share of the step after which bodies that move on without forces hit; infinite where they do not, and
+            where the step was not one of implicit Euler.
+        way: To the forces, of the last response: `compliance` (few contacts), `multipliers` on all unknowns, `penalty`.
+    """
+
+    contacts: int = 0
+    pressed: int = 0
+    rounds: int = 0
+    residual: float = 0.0
+    smallest_gap: float = np.inf
+    force: float = 0.0
+    passes: int = 0
+    met: int = 0
+    cut: float = 0.0
+    parts: int = 0
+    restarted: bool = False
+    lowered: float = 0.0
+    meets: float = np.inf
+    way: str = ""
+
+
+@dataclass
 class StepReport:
     """What one step took, or several.
 
@@ -70,7 +109,7 @@ class StepReport:
     halvings: int = 0
     residual: float = 0.0
     stalled: "tuple[Stall, ...]" = ()
-    contact: "ContactReport | None" = None
+    contact: ContactReport | None = None
     linear_iterations: int = 0
     increments: int = 0
     dt_limit: float = np.inf

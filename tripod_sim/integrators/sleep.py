@@ -23,7 +23,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.report import WORK, StepReport
-from tripod_sim.parts import Stepper
+from tripod_sim.integrators.stepper import Stepper
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported

@@ -25,13 +25,13 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
-from tripod_sim.copied import Copied
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.integrators.history import write_history, write_known
 from tripod_sim.integrators.refined_solver import RefinedSolver
 from tripod_sim.integrators.scheme import Curve, Defect, ImplicitScheme, Stage, euler_stage, total_defect
 from tripod_sim.linear.solver import LinearError
+from tripod_sim.state import ErrorState
 from tripod_sim.system_kernels import same
 
 
@@ -56,48 +56,6 @@ class TimeErrorReport:
     added: float
     ball: float = np.nan
     vector: tuple[float, float, float] | None = None
-
-
-@dataclass(eq=False)
-class ErrorState(Copied):
-    """What the estimate remembers from step to step.
-
-    Attributes:
-        error: e_x [m] and e_v [m/s] in the `Coordinates` of the transport, shape (2, n, k).
-        before: What the next step may use of the last stage: change, rate and curve (as in `history.History`) of the
-            errors, shape (3, 2, n, k).
-        velocities: At the end of the last step [m/s], shape (nodes, 3).
-        accelerations: At the ends of the last two steps [m/s²], the latest first, shape (2, n, k).
-        length: Time between these [s].
-        behind: From the latest to the end of the last step [s].
-        known: How many of the accelerations are known.
-        missing: Length of a first step whose part of the error that comes of j waits for the next step [s], else 0.
-        proposed: Length of the next step, where the simulator chooses it [s]; 0 before the first.
-        last: Error that the last step added, in parts of the tolerance.
-        order: Of the scheme proposed for the next step, where the simulator chooses that, too; 0 before the first.
-        still: Whether the last step left no error, and changed neither velocities nor accelerations.
-    """
-
-    error: FloatArray
-    before: FloatArray
-    velocities: FloatArray
-    accelerations: FloatArray
-    known: int = 0
-    length: float = 0.0
-    behind: float = 0.0
-    missing: float = 0.0
-    proposed: float = 0.0
-    last: float = 1.0
-    order: int = 0
-    still: bool = False
-
-    def copy_to(self, other: "ErrorState") -> None:
-        """As for others, but written out: each step does it."""
-        other.error[:], other.before[:] = self.error, self.before
-        other.velocities[:], other.accelerations[:] = self.velocities, self.accelerations
-        other.known, other.length, other.missing = self.known, self.length, self.missing
-        other.proposed, other.last, other.order = self.proposed, self.last, self.order
-        other.still, other.behind = self.still, self.behind
 
 
 NO_CURVE = Curve()

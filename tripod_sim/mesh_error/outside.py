@@ -12,18 +12,19 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import build
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.lowering import lowered
-from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.mesh_error.support import Support
-from tripod_sim.parts import Parts, integrator_of
+from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
+from tripod_sim.tables.materials import initial_young
 from tripod_sim.tables.sets import NodeSet
 
 if TYPE_CHECKING:  # an effect that is absent is not imported

@@ -6,13 +6,13 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.schemes import rk4, semi_implicit_euler
-from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
+from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.explicit import MOST_PARTS, write_gradient
 from tripod_sim.springs.explicit_kernels import FINE
 from tripod_sim.springs.frequency_bound import fastest
 from tripod_sim.springs.loop import SpringLoop
-from tripod_sim.state import State
+from tripod_sim.state import ErrorState, State
 from tripod_sim.system import System
 
 SHARE = 0.9
