@@ -131,6 +131,12 @@ class Drive:
         self.joints = np.clip(self.joints, self.limits.lower[:size], self.limits.upper[:size])
         return self.joints.copy()
 
+    def at_limits(self) -> dict[int, float]:
+        """Return the limit [rad] of each servo whose set-point is there, by the number of the servo."""
+        servos = min(self.limits.count, len(self.joints))
+        values, low, high = self.joints[:servos], self.limits.lower[:servos], self.limits.upper[:servos]
+        return {i: float(v) for i, v in enumerate(values) if v <= low[i] or v >= high[i]}
+
     def _at(self, now: float) -> FloatArray:
         """Return where followers are at `now` [s], on a straight way to a set-point that may be ahead of that."""
         begun, joints = self._begin

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import pi
+from math import degrees, pi
 
 import numpy as np
 
@@ -62,6 +62,7 @@ class Operator:
         self.chosen = 2
         self._ready_at = float("-inf")
         self._lost = False
+        self._limits: dict[int, float] = {}
 
     @property
     def mode(self) -> Mode:
@@ -142,11 +143,30 @@ class Operator:
         if self._lost or len(joints) != len(self.drive.joints):  # a part of the graph came, went or restarted
             self.drive.start(joints)
             self._lost, self.notice = False, ""
-        return None if now < self._ready_at else self.drive.setpoint(now, ahead)
+        if now < self._ready_at:
+            return None
+        values = self.drive.setpoint(now, ahead)
+        self._say_limits()
+        return values
 
     def meant(self, move: Move) -> Move:
         """Return the move with the number of its servo."""
         return replace(move, servo=self.chosen) if move.servo == CHOSEN else move
+
+    def _say_limits(self) -> None:
+        """Say once which servos a key has brought to a limit, and at which angle; a motion to a pose says nothing."""
+        now = self.drive.at_limits()
+        arrived = (
+            {}
+            if self.drive.motion or self.drive.at_once
+            else {k: v for k, v in now.items() if k not in self._limits}
+        )
+        self._limits = now
+        if arrived:
+            self.notice = "; ".join(
+                f"servo_{k} is at its limit of {degrees(v):.1f} degrees: move it the other way"
+                for k, v in arrived.items()
+            )
 
     def _choose(self, servo: int) -> None:
         if servo < self.drive.limits.count:

@@ -17,7 +17,7 @@ from tripod_teleop.screen import angles_text, status_line
 
 JOINTS = (-0.1, -0.2, -0.3, 0.02)
 PARK = (0.0, 0.0, 0.0, 0.0)
-UP = Move(0, 1)
+UP, DOWN = Move(0, 1), Move(0, -1)
 
 
 def operator() -> Operator:
@@ -67,6 +67,24 @@ def test_an_arrow_moves_its_servo_only() -> None:
     points = [made.setpoint(JOINTS, 1.0 + 0.05 * i) for i in range(1, 10)]
     assert points[-1] == pytest.approx([0.0, -0.2, -0.3, 0.02])
     assert made.notice == ""
+
+
+def test_a_servo_that_a_key_brings_to_its_limit_is_named_once_for_each_arrival() -> None:
+    made = operator()
+    upper = float(made.drive.limits.upper[0])
+    near = (upper - 0.01, *JOINTS[1:])
+    made.act(Act.TELEOP, near, 100.0, 0.0)
+    made.setpoint(near, 1.0)
+    said = []
+    for move, since in ((UP, 1.0), (DOWN, 2.0), (UP, 3.0)):
+        for i in range(8):
+            made.act(move, near, 101.0, since + 0.05 * i)
+            made.setpoint(near, since + 0.05 * i + 0.02)
+            said.append(made.notice)
+    assert [bool(text) for text in said[8:16]] == [False] * 8
+    arrivals = [text for text in said if text]
+    assert len(arrivals) == 2
+    assert_names(arrivals[0], "servo_0", f"{math.degrees(upper):.1f} degrees")
 
 
 @pytest.mark.parametrize(("intent", "pose"), [(Act.WORK, WORKING_POSE), (Act.PARK, PARK)])
