@@ -2,6 +2,14 @@
 
 from dataclasses import dataclass
 
+CONTROL = {
+    "STOP": "stopped: nothing moves the robot",
+    "TELEOP": "moved by hand",
+    "IK": "moved by the inverse kinematics",
+    "REPLAY": "moved by a script",
+}
+"""Who moves the robot, by the name of the control mode."""
+
 
 @dataclass(frozen=True)
 class ChainStatus:
@@ -31,9 +39,8 @@ class ChainStatus:
 
 
 def status_line(status: ChainStatus) -> str:
-    """Return the line: who controls, real-time factor, step time, IK error, robot state, packets, complaint."""
-    control = "nobody" if status.mode == "STOP" else status.mode or "-"
-    parts = [f"control {control}"]
+    """Return the line: who moves the robot, real-time factor, step time, IK error, robot state, packets, complaint."""
+    parts = [CONTROL.get(status.mode or "", f"control {status.mode or '-'}")]
     factor = "-" if status.real_time_factor is None else f"{status.real_time_factor:.2f}x"
     step = "-" if status.step_time is None else f"{status.step_time * 1e3:.2f} ms"
     parts.append(f"sim {_lower(status.sim_state)} {factor}, step {step}")

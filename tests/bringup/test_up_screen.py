@@ -9,7 +9,8 @@ from tests.messages import assert_names
 from tripod_bringup import screen as screen_module
 from tripod_bringup.log_lines import Level, LogLine, parse
 from tripod_bringup.screen import PLAIN_PERIOD, Screen, is_terminal
-from tripod_bringup.status_line import ChainStatus, status_line
+from tripod_bringup.status_line import CONTROL, ChainStatus, status_line
+from tripod_graph.mode import Mode
 
 
 @pytest.mark.parametrize(
@@ -46,12 +47,16 @@ def test_a_line_is_understood(line: str, expected: LogLine) -> None:
 def test_the_status_line_tells_mode_speed_error_state_and_packets() -> None:
     status = ChainStatus("IK", "RUNNING", 0.998, 0.62e-3, "TRACKING", 0.05e-3, "ACTIVE", 1234, "ik: slow")
     mode, sim, ik, robot, note = status_line(status).split(" | ")
-    assert_names(mode, "control IK")
-    assert status_line(ChainStatus("STOP")).startswith("control nobody |")
+    assert mode == CONTROL["IK"]
     assert_names(sim, "sim running", "1.00x", "step 0.62 ms")
     assert_names(ik, "ik tracking", "0.05 mm")
     assert_names(robot, "robot active", "1234 packets")
     assert note == "ik: slow"
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_every_control_mode_is_said_in_words(mode: Mode) -> None:
+    assert status_line(ChainStatus(mode.name)).startswith(CONTROL[mode.name] + " | ")
 
 
 def test_what_is_not_known_is_a_dash() -> None:
