@@ -98,7 +98,7 @@ def reach(
 
 IK_HELP = (
     "Find servo angles for a target, or run the ROS node for it.\n\n"
-    "With --target it needs no ROS: it prints angles, residual, torques and active limits. "
+    "With --target it needs no ROS: it prints angles, what is still missing, torques and active limits. "
     "Exit codes: 0 reached, 1 not reached, 2 bad arguments. "
     "Without --target only the scene, --set and --subnet are allowed."
 )

@@ -176,7 +176,7 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("", ", ".join(f"{math.degrees(a):.2f}" for a in angles) + " degrees"),
         ("effector", ", ".join(f"{v:z.3f}" for v in (x, y, z)) + " mm"),
         ("roll, pitch", f"{math.degrees(result['roll']):z.2f}, {math.degrees(result['pitch']):z.2f} degrees"),
-        ("residual", ", ".join(missing)),
+        ("still missing", ", ".join(missing)),
         *([("error", f"{error_words(error['distance'])} (estimated)")] if error else []),
         *bar_rows(result.get("expected_error")),
         ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),

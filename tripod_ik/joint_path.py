@@ -31,7 +31,7 @@ class JointPath:
     reason: str = ""
 
 
-NEAR_PATH = "closest pose near the path taken"
+NEAR_PATH = "only poses near the path taken were searched"
 """What there is to say where no way to a better one is known."""
 
 NO_PATH = JointPath(
@@ -47,12 +47,8 @@ def why_closest(limits: Sequence[str], reason: str) -> str:
     if reason:
         return reason
     if SNAP in limits:
-        return "closest pose: beyond it the body would snap to another shape"
-    return (
-        f"closest pose: limited by {', '.join(limits)}"
-        if limits
-        else "closest pose: no small step comes closer"
-    )
+        return "beyond it the body would snap to another shape"
+    return f"limited by {', '.join(limits)}" if limits else "no small step comes closer"
 
 
 class PathSource(Protocol):

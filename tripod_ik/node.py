@@ -424,7 +424,7 @@ class IkNode(Node):
         elif step.waits:
             message = self._planner_thread.notice
         elif step.activity is Activity.CLOSEST:
-            message = why_closest(result.active_limits, self._planner_thread.notice)
+            message = f"closest pose: {why_closest(result.active_limits, self._planner_thread.notice)}"
         self._send(step.activity, message)
 
     def _rest_again(self, activity: Activity, message: str, now: float) -> None:

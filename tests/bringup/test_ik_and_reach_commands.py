@@ -27,7 +27,7 @@ def test_a_target_is_solved_once_and_printed(words: list[str]) -> None:
     text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
     assert text["outcome"].strip() == "reached"
     assert text["effector"].strip() == "4.000, -2.000, -6.000 mm"
-    assert text["residual"].strip() == "position 0.000 mm"
+    assert text["still missing"].strip() == "position 0.000 mm"
     assert text["active limits"].strip() == "none"
     assert text["torques"].strip().endswith("N m")
 
@@ -68,7 +68,7 @@ def test_a_tilt_is_printed_in_degrees() -> None:
     result = tripod("ik", "--target", "0 0 0.006", *words, *COARSE)
     assert result.exit_code == 0
     line_naming(result.stdout, "roll, pitch", "11.46, -5.73 degrees")
-    line_naming(result.stdout, "residual", "tilt 0.000 degrees", "height 0.000 mm")
+    line_naming(result.stdout, "still missing", "tilt 0.000 degrees", "height 0.000 mm")
 
 
 @pytest.mark.parametrize(
@@ -167,5 +167,5 @@ def test_the_first_line_of_progress_comes_before_a_scene_is_read(monkeypatch: py
     result = tripod("ik", "--target", "0,0,0.02", *COARSE, "--set", "mesh.element=h8")
     text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
     told = [line for line in said if " linearisations" in line]
-    count, missing = text["solved in"].split()[2], text["residual"].split()[1]
+    count, missing = text["solved in"].split()[2], text["still missing"].split()[1]
     assert_names(told[-1], f"{count} linearisations", f"{float(missing):.3f} mm left")
