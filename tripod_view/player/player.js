@@ -389,7 +389,7 @@ async function main() {
   byId("description").textContent = stage.description;
   if (typeof DecompressionStream === "undefined") throw new Error("this browser is too old for this page: it cannot unpack it");
   const film = new Film(stage), camera = new Camera(stage.camera), painter = new Painter(byId("picture"));
-  if (!painter.gl) throw new Error("this browser draws no 3-D pictures here (WebGL 2 is off or missing); the curves still play");
+  if (!painter.gl) throw new Error("this browser has no WebGL 2, so the picture stays empty; the curves still play. Switch on hardware acceleration in the settings of the browser, or open this page in another one (Firefox, Chrome)");
   const read = await unpack(stage.data), none = new Uint32Array(0);
   const bodies = stage.bodies.map((b) => painter.shape(new Float32Array(3 * b.nodes), read(b.triangles), read(b.edges), true));
   const pieces = stage.pieces.map((p) => painter.shape(read(p.vertices), read(p.triangles), none, false));
@@ -397,7 +397,7 @@ async function main() {
   function layGround() {
     grid = ground(stage.camera);
     floor = painter.shape(grid.vertices, none, grid.lines, false);
-    byId("scale").textContent = `squares: ${length(grid.cell)}`;
+    byId("scale").textContent = `one square of the floor: ${length(grid.cell)}`;
   }
   layGround();
 

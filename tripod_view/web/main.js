@@ -7,7 +7,7 @@ import { cards } from "./cards.js";
 import { keys } from "./keys.js";
 import { plots } from "./plots.js";
 import { replay } from "./replay.js";
-import { start } from "./start.js";
+import { noPicture, start } from "./start.js";
 import { status } from "./status.js";
 
 const panel = element("aside", { id: "panel", "aria-label": "Controls" });
@@ -15,7 +15,7 @@ const stop = element("button", { id: "stop", title: "All commands off: the servo
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
 place(panel, [status(), controls(), replay(), cards(), plots()]);
-place(document.body, [panel, stop, start(), element("div", { id: "lost" }, "connection lost: trying again. Each start has a new address, which the terminal tells")]);
+place(document.body, [panel, stop, start(), noPicture(), element("div", { id: "lost" }, "connection lost: trying again. Each start has a new address, which the terminal tells")]);
 keys();
 
 // What a scene has decides which controls there are: classes of the body, which the style sheet heeds.

@@ -1,12 +1,19 @@
-// The start screen: what this is, and one thing to begin with.
+// The start screen: what this is, who moves the robot, and one thing to begin with.
 
 import { listen, send, value } from "./channel.js";
 import { button, element, place, setText } from "./dom.js";
+
+const MOVED = {
+  TELEOP: "It is moved by hand at the moment, from a terminal or another page.",
+  IK: "It moves by itself at the moment: the inverse kinematics follows a target.",
+  REPLAY: "It moves by itself at the moment: a script is being played.",
+};
 
 export function start() {
   const box = element("section", { id: "start" });
   const title = element("h2");
   const text = element("p");
+  const moved = element("p", { id: "moved" });
   const begin = button("", () => {
     for (const event of actions(value("scene"))) send(event);
     box.remove();
@@ -14,20 +21,40 @@ export function start() {
   begin.id = "begin";
   const watch = button("Just watch", () => box.remove());
   watch.className = "quiet";
+  const show = () => {
+    const scene = value("scene") ?? {}, by = scene.servos ? MOVED[value("mode")?.mode] : undefined;
+    setText(moved, by ? `${by} ${taken(scene)}` : "");
+    setText(begin, by && !scene.maze ? "Take over: move the robot yourself" : label(scene));
+    setText(watch, by ? "Just watch: it goes on as it is" : "Just watch");
+    box.classList.toggle("aside", Boolean(by));
+  };
   listen("scene", (scene) => {
     setText(title, scene.name || "Tripod");
     const there = scene.known || scene.servos;
     setText(text, scene.description || (there ? "" : "Waiting for the simulator: it may compile for a minute the first time."));
-    setText(begin, label(scene));
     begin.style.display = there ? "" : "none";
+    show();
   });
-  return place(box, [title, text, begin, watch]);
+  listen("mode", show);
+  return place(box, [title, text, moved, begin, watch]);
+}
+
+// What to do where the browser cannot draw; nothing where it can.
+export function noPicture() {
+  if (element("canvas").getContext("webgl2")) return null;
+  const text = "This browser has no WebGL 2, so the view stays white. Switch on hardware acceleration in its settings, or open this page in another browser (Firefox, Chrome).";
+  return element("p", { id: "no-webgl" }, text);
 }
 
 function label(scene) {
   if (scene.maze) return "Play: tilt the maze";
   if (scene.servos) return "Move the robot";
   return "Watch it from the start";
+}
+
+function taken(scene) {
+  if (scene.maze) return "Playing ends that.";
+  return "Taking over ends that, and the robot goes slowly to its working pose.";
 }
 
 function actions(scene) {
