@@ -5,13 +5,15 @@ from dataclasses import dataclass, field
 from math import sqrt
 from pathlib import Path
 
+from tripod_host.slow_machine import CHEAPER, WHAT_TO_DO
+
 ERROR_WANTED = 0.5e-3
 """Root mean square of the tracking error that the demo should stay below [m]."""
 
 KEPT_UP = 0.95
 """Median real-time factor below which the simulation is called too slow."""
 
-COARSER = 'make demo ARGS="--accuracy real-time"'
+COARSER = f'make demo ARGS="{CHEAPER}"'
 """The demo with the setting for slow machines."""
 
 SAMPLE = 1000
@@ -144,8 +146,8 @@ def conclusion(measured: Measurements) -> str:
     if factor is None or factor > KEPT_UP:
         return f"{works}; the effector was farther from its target than usual, as on a busy machine"
     return (
-        f"{works}, but the simulation ran at {factor:.2f} of real time and so lagged behind its target; close other "
-        f"programs, or run a coarser simulation: {COARSER}"
+        f"{works}, but the simulation ran at {factor:.2f} of real time and so lagged behind its target; "
+        f"{WHAT_TO_DO}: {COARSER}"
     )
 
 

@@ -18,6 +18,7 @@ from tripod_bringup.lock import DomainError, domain_id
 from tripod_graph.log_place import check_log_place, log_place
 from tripod_graph.loopback import check_loopback
 from tripod_host.failures import ELSEWHERE, RemediedError, existing, first_writable, kernel_places
+from tripod_host.slow_machine import WHAT_TO_DO
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place, free_space
 
@@ -197,9 +198,7 @@ def check_speed(measure: Callable[[], float] = measure_product) -> Check:
         return Check("speed", Verdict.FAIL, f"numpy does not run: {error}", "run `make setup`")
     found = f"1000 x 1000 product in {seconds * 1e3:.0f} ms, one thread"
     if seconds > SLOW_PRODUCT:
-        advice = (
-            "slow or busy: the simulation may fall behind real time; add --accuracy real-time to tripod up"
-        )
+        advice = f"slow or busy: the simulation may fall behind real time; {WHAT_TO_DO}"
         return Check("speed", Verdict.WARN, found, advice)
     return Check("speed", Verdict.OK, found)
 

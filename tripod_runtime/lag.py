@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tripod_host.priority import stand_back
+from tripod_host.slow_machine import WHAT_TO_DO
 from tripod_runtime.realtime import Speed
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_file import load_scene
@@ -26,7 +27,7 @@ QUIET = 60.0
 PATIENCE = 0.5
 """How long the end waits for a proposal [s]."""
 
-BUSY = "the machine is busy: end other programs, or choose a lower accuracy"
+BUSY = f"the machine is busy: {WHAT_TO_DO}"
 
 
 def proposal(
@@ -53,8 +54,8 @@ def proposal(
         return f"no cheaper setting can be proposed: {error}"
     if here and there and here.cpu <= there.cpu:
         return (
-            f"study {found.name} has no cheaper setting that runs in real time: close other programs, or choose a "
-            "lower accuracy, such as draft"
+            f"study {found.name} has no cheaper setting that runs in real time: close other programs; "
+            "if that is not enough, start with `--accuracy draft`"
         )
     replaced = "; ".join(word for word in words if word not in choice.overrides)
     instead = f" instead of {percent(measured(found, here))}" if here else ""

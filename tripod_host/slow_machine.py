@@ -1,0 +1,9 @@
+"""What to do where a simulation is slower than real time: the one text that every message about it ends with."""
+
+CHEAPER = "--accuracy real-time"
+"""The option that takes the most accurate setting that runs in real time."""
+
+WHAT_TO_DO = (
+    f"close other programs; if that is not enough, start with `{CHEAPER}`, which runs a coarser simulation"
+)
+"""For people."""
