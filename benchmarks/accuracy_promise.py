@@ -41,7 +41,8 @@ from benchmarks.promise_cases import KINDS, Kind, Rows
 from benchmarks.promise_table import HEADS, PAGE, percent, table, written
 from tripod_bringup.study_plans import PLANS
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_study.accuracy.choice import asked, margins, pick
+from tripod_study.accuracy.choice import asked, pick
+from tripod_study.accuracy.margins import margins
 from tripod_study.accuracy.stored import StoredPoint, StoredStudy, read_study
 from tripod_study.fingerprint import fingerprint
 
@@ -222,7 +223,7 @@ def _numbers(study: StoredStudy, point: StoredPoint, found: np.ndarray, accuracy
         _percents(high),
         _percents(found.max(axis=0)),
         " and ".join(f"{max(0.0, factor):.2f}" for factor in (high - own) / errors),
-        " and ".join(f"{m:g}" for m in margins(study)),
+        " and ".join(f"{m:g}" for m in margins(study.name, 1 + len(study.others))),
     ]
 
 

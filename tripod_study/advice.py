@@ -1,27 +1,15 @@
-"""What a study's numbers say in two sentences: what to take, and which knob pays."""
+"""What a study's numbers say in a few sentences: what to take, what `--accuracy` takes, and which knob pays."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tripod_study.accuracy.margins import margins
 from tripod_study.front import LEVELS
 
 
 def advice(result: Mapping[str, Any]) -> list[str]:
-    """Return sentences: the cheapest setting for each accuracy, and which knob pays against its default."""
-    points, cost = result["points"], _unit(result["cpu"])
-    named: dict[int, list[str]] = {}
-    for level, i in result["cheapest"].items():
-        if i is not None:
-            named.setdefault(i, []).append(level)
-    missing = [level for level, i in result["cheapest"].items() if i is None]
-    parts = [
-        f"within {_levels(levels)}: {short(points[i]['settings'], result)} ({points[i]['cpu']:.2g} {cost})"
-        for i, levels in named.items()
-    ]
-    if missing:
-        parts.append(f"no setting has an error within {_percent(missing[0])} for certain")
-    first = "; ".join(parts)
-    sentences = [f"Cheapest {first}." if named else f"{first[:1].upper()}{first[1:]}."]
+    """Return sentences: the cheapest setting for each accuracy, what `--accuracy` takes, and which knob pays."""
+    sentences = [*_cheapest(result), *_promised(result)]
     own = (result.get("reference") or {}).get("own_error")
     if own and own > max(LEVELS.values()):
         closer = " Leave out --quick for a more accurate one." if result["quick"] else ""
@@ -33,6 +21,43 @@ def advice(result: Mapping[str, Any]) -> list[str]:
     if text := knob_that_pays(result):
         sentences.append(text)
     return sentences
+
+
+def _cheapest(result: Mapping[str, Any]) -> list[str]:
+    """Return which setting is the cheapest for each accuracy, and for which there is none."""
+    points, cost = result["points"], "CPU " + result["cpu"]
+    named: dict[int, list[str]] = {}
+    for level, i in result["cheapest"].items():
+        if i is not None:
+            named.setdefault(i, []).append(level)
+    sentences = [
+        f"For an error of at most {_levels(levels)} the cheapest setting is {short(points[i]['settings'], result)}: it "
+        f"takes {points[i]['cpu']:.2g} {cost}."
+        for i, levels in named.items()
+    ]
+    missing = [level for level, i in result["cheapest"].items() if i is None]
+    if missing:
+        bounds = [p["bound"] for p in points if p["bound"] is not None]
+        best = (
+            f"; the most accurate setting has an error of up to {100 * min(bounds):.2g} %" if bounds else ""
+        )
+        sentences.append(f"No setting here has an error of at most {_percent(missing[0])}{best}.")
+    return sentences
+
+
+def _promised(result: Mapping[str, Any]) -> list[str]:
+    """Return why `--accuracy` takes a setting with a smaller error than it is given; nothing where none counts."""
+    if all(i is None for i in result["cheapest"].values()):
+        return []
+    quantities = [q for k, q in enumerate(result["quantities"]) if k == 0 or q["promised"]]
+    factors = margins(result["study"], len(quantities))
+    cases = "poses" if result["cpu"] == "s per solve" else "motions"
+    others = [f", {factor:g} for {q['what']}" for factor, q in zip(factors[1:], quantities[1:], strict=True)]
+    return [
+        f"`tripod run --accuracy` takes a more accurate setting than these: errors in other {cases} may be "
+        f"{factors[0]:g} times as large (this is the margin{''.join(others)}), so for 5 % it wants at most "
+        f"{5 / factors[0]:.2g} % here."
+    ]
 
 
 def knob_that_pays(result: Mapping[str, Any]) -> str:
@@ -57,18 +82,22 @@ def knob_that_pays(result: Mapping[str, Any]) -> str:
         others = [p for p in points if p["settings"][field] == default]
         if twin and twin["bound"] is not None:
             if twin["bound"] > allowed:
-                needed.append(f"{name} {_value(value)} (with {_value(default)} {100 * twin['error']:.2g} %)")
+                needed.append(
+                    f"{name} {_value(value)} (with {name} {_value(default)} the error is {100 * twin['error']:.2g} %)"
+                )
             else:
                 gains.append((twin["cpu"] / best["cpu"], name, value, default))
         elif field == result["group"] and all(p["bound"] is None or p["bound"] > allowed for p in others):
-            needed.append(f"{name} {_value(value)} (none with {_value(default)} gets there)")
+            needed.append(
+                f"{name} {_value(value)} (no setting with {name} {_value(default)} is accurate enough)"
+            )
     if needed:
-        return f"Within {_percent(level)} it takes {' and '.join(needed)}."
+        return f"An error of at most {_percent(level)} needs {' and '.join(needed)}."
     if gains and max(g[0] for g in gains) >= 1.2:
         ratio, name, value, default = max(gains, key=lambda g: g[0])
         return (
-            f"The knob that pays most is {name}: within {_percent(level)}, {_value(value)} is {ratio:.2g} times as "
-            f"cheap as {_value(default)}."
+            f"What saves most time is {name}: for an error of at most {_percent(level)}, {name} {_value(default)} "
+            f"takes {ratio:.2g} times as long as {name} {_value(value)}."
         )
     return ""
 
@@ -102,7 +131,3 @@ def _levels(levels: Sequence[str]) -> str:
 
 def _percent(level: str) -> str:
     return level.replace("%", " %")
-
-
-def _unit(cpu: str) -> str:
-    return "CPU " + cpu

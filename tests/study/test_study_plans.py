@@ -94,6 +94,8 @@ def test_the_passage_is_the_vertex_of_the_parabola() -> None:
 def made_up(points: list[dict], cheapest: dict) -> dict:
     knobs = [{"name": n, "field": n, "values": [0, 1]} for n in ("dt", "scheme", "mode")]
     return {
+        "study": "made_up",
+        "quantities": [{"promised": True}],
         "points": [{"on_front": True, **p} for p in points],
         "cheapest": {"10%": None, "5%": None, "1%": None, "0.1%": None, **cheapest},
         "knobs": knobs,
@@ -111,18 +113,21 @@ def point(dt: int, scheme: str, mode: str, error: float, cpu: float) -> dict:
 def test_advice_names_what_an_accuracy_takes() -> None:
     points = [point(1, "a", "n", 0.2, 1.0), point(2, "b", "n", 0.03, 3.0), point(1, "b", "n", 0.07, 2.0)]
     found = advice(made_up(points, {"10%": 2, "5%": 1}))
-    cheapest, takes = found
-    assert_names(cheapest, "10 %: dt 1, b (2 CPU s", "5 %: dt 2, b (3 CPU s", "no setting", "1 %")
-    assert_names(takes, "5 %", "dt 2 (with 1 7 %)", "scheme b (none with")
+    ten, five, none, margin, needs = found
+    assert_names(ten, "10 %", "dt 1, b", "2 CPU s")
+    assert_names(five, "5 %", "dt 2, b", "3 CPU s")
+    assert_names(none, "1 %", "3 %")
+    assert_names(margin, "--accuracy", "3 times", "1.7 %")
+    assert_names(needs, "5 %", "dt 2", "dt 1", "7 %", "scheme b", "scheme a")
 
 
 def test_advice_names_the_knob_that_saves_most() -> None:
     points = [point(1, "a", "n", 0.04, 8.0), point(2, "a", "n", 0.04, 6.0), point(2, "a", "o", 0.05, 2.0)]
     points.append(point(1, "a", "o", 0.04, 5.0))
     found = advice(made_up(points, {"10%": 2, "5%": 2}))
-    assert_names(found[1], "mode", "5 %", "o is 3 times", "as n")
+    assert_names(found[-1], "mode n", "5 %", "3 times", "mode o")
     (none,) = advice(made_up(points, {}))
-    assert_names(none, "no setting", "10 %")
+    assert_names(none, "10 %", "4 %")
 
 
 def test_the_shipped_studies_are_whole() -> None:

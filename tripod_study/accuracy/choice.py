@@ -21,15 +21,9 @@ from tripod_sim.integrators.schemes import SCHEMES, auto
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, words_of
 from tripod_study.accuracy.machine import product_time
+from tripod_study.accuracy.margins import margins
 from tripod_study.accuracy.stored import NUMBERS, StoredPoint, StoredStudy, Value, read_study, stored_studies
 from tripod_study.accuracy.studied import FREE, INSIDE, studied
-
-MARGIN = 3.0
-"""Error in other cases over that in a study's own, where it was not measured."""
-
-MEASURED = {"tripod_static": (1.7,), "tripod_dynamic": (1.8, 2.6), "pendulum": (4.0,), "cloth": (12.0,)}
-"""The same by study, for each quantity that it promises, measured by benchmarks/accuracy_promise.py. A study that lets
-a cloth fall is gentler than cloths that are thrown and fold."""
 
 DRAFT = 0.3
 """Largest relative error of `draft`, where the study names no point of its own for it."""
@@ -280,18 +274,12 @@ def stays_stable(point: StoredPoint) -> bool:
     return not isinstance(scheme, ExplicitScheme) or (scheme.is_stable and divided)
 
 
-def margins(study: StoredStudy) -> tuple[float, ...]:
-    """Return the error that other cases may have over that of the study's own, for each quantity that it promises."""
-    count = 1 + len(study.others)
-    return (*MEASURED.get(study.name, ()), *(MARGIN,) * count)[:count]
-
-
 def expected(study: StoredStudy, point: StoredPoint) -> tuple[float, ...]:
     """Return the relative errors to expect of a point: `margins` times its own, and what the reference may err."""
     shares = ((point.error, point.bound), *point.others)
     return tuple(
         factor * error + max(0.0, bound - error)
-        for factor, (error, bound) in zip(margins(study), shares, strict=True)
+        for factor, (error, bound) in zip(margins(study.name, len(shares)), shares, strict=True)
     )
 
 
@@ -483,8 +471,10 @@ def _sentence(
 
 def _error_words(study: StoredStudy, point: StoredPoint) -> str:
     """Return for each quantity the error that a study measured at a point, then what it promises for other cases."""
-    rows = zip(_measured(point), expected(study, point), (study.quantity, *study.others), strict=True)
+    wide = margins(study.name, 1 + len(study.others))
+    rows = zip(_measured(point), expected(study, point), wide, (study.quantity, *study.others), strict=True)
     return ", and ".join(
-        f"error about {percent(here)} (measured), expected below {percent(bound)} in {_other_cases(study)}, of: {what}"
-        for here, bound, what in rows
+        f"error about {percent(here)} (measured), expected below {percent(bound)} in {_other_cases(study)} (margin: "
+        f"{margin:g} times the error in the study), of: {what}"
+        for here, bound, margin, what in rows
     )
