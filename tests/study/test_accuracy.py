@@ -17,8 +17,8 @@ from tripod_sim import SceneError, load_scene
 from tripod_sim.scene_file import scene_text
 from tripod_study.accuracy.choice import (
     LOAD,
-    MARGIN,
     asked,
+    changes,
     choose,
     expected,
     holds,
@@ -28,6 +28,7 @@ from tripod_study.accuracy.choice import (
     switched,
 )
 from tripod_study.accuracy.machine import product_time
+from tripod_study.accuracy.margins import MARGIN
 from tripod_study.accuracy.stored import read_study, stored_studies
 from tripod_study.plans import tripod_dynamic
 
@@ -566,3 +567,10 @@ def test_explain_fails_on_an_unstable_body() -> None:
     done = CliRunner().invoke(app, ["explain", "pendulum", *words, "--no-costs", "-q"])
     assert done.exit_code == 1
     line_naming(done.stderr, "tripod explain", "unstable", "step")
+
+
+def test_the_text_of_a_choice_rounds_numbers_and_the_choice_does_not() -> None:
+    settings = {"dt": 0.01 / 3, "mesh.level": 3, "solver.mode": "newton"}
+    told = changes(load_scene("tripod"), settings)
+    assert_names(told, "dt=0.003333")
+    assert "0.0033333" not in told

@@ -20,6 +20,7 @@ from tripod_view.arm import ArmGeometry, Stand, arm_pose, carriage_pose, stands
 from tripod_view.player.camera import camera
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece
 from tripod_view.player.html import player_page, write_html
+from tripod_view.player.of_run import _rigid_names
 from tripod_view.player.packing import KINDS, edges, reel, stage
 from tripod_view.player.robot import robot_pieces
 from tripod_view.player.shapes import ball, box, disc
@@ -64,6 +65,11 @@ def film() -> Film:
 def unpacked(reeled: dict[str, Any]) -> Any:
     data = zlib.decompress(base64.b64decode(reeled["data"]))
     return lambda e: np.frombuffer(data, KINDS[e[0]], e[2], e[1])
+
+
+def test_a_rigid_body_is_called_by_its_shape() -> None:
+    assert _rigid_names({"rigid": [{"shape": "capsule"}]})[0] == "capsule"
+    assert _rigid_names({"rigid": [{"shape": "ball"}, {}, {}]})[:3] == ("ball", "box 1", "box 2")
 
 
 def test_positions_come_back_within_half_a_step_of_their_box() -> None:

@@ -439,13 +439,18 @@ def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
 
 def settings_text(point: StoredPoint) -> str:
     """Return the settings of a point for people."""
-    return ", ".join(words_of(point.settings))
+    return ", ".join(words_of(_rounded(point.settings)))
+
+
+def _rounded(settings: Mapping[str, Value]) -> dict[str, Value]:
+    """Return settings with numbers as people write them: four digits, for texts only."""
+    return {f: float(f"{v:.4g}") if isinstance(v, float) else v for f, v in settings.items()}
 
 
 def changes(made: Scene, settings: Mapping[str, Value]) -> str:
     """Return in words which of these settings are not those of a scene."""
     changed = {f: v for f, v in settings.items() if not holds(made, f, v)}
-    return ", ".join(words_of(changed)) or "the scene as it is"
+    return ", ".join(words_of(_rounded(changed))) or "the scene as it is"
 
 
 def _sentence(

@@ -192,9 +192,19 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
         if k < 0 and i >= len(soft):
             raise FilmError(f"scene: it describes {len(soft)} soft bodies; bodies has nodes of more")
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
-        name, colour = soft[i] if k < 0 else (f"rigid.{k}", RIGID[k % len(RIGID)])
+        name, colour = soft[i] if k < 0 else (_rigid_names(scene)[k], RIGID[k % len(RIGID)])
         found.append(Deforming(name, own, shown[:, low:high], colour))
     return found
+
+
+def _rigid_names(scene: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of a scene's rigid bodies, such as `ball`, or `box 1` and `box 2`; then that of its own ball."""
+    kinds = [str(body.get("shape", "box")) for body in scene["rigid"]]
+    counted = [
+        f"{kind} {1 + kinds[:i].count(kind)}" if kinds.count(kind) > 1 else kind
+        for i, kind in enumerate(kinds)
+    ]
+    return (*counted, "ball")
 
 
 def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Piece]:
@@ -249,8 +259,7 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         found.append(Curve("effector", "mm", ("x", "y", "z"), 1e3 * arrays["effector"][steps][:, :3]))
     if "rigid" in arrays:
         heights = 1e3 * arrays["rigid"][steps][:, :, 2]
-        names = tuple(f"rigid.{i}" for i in range(heights.shape[1]))
-        found.append(Curve("heights", "mm", names, heights))
+        found.append(Curve("heights", "mm", _rigid_names(scene)[: heights.shape[1]], heights))
     if "energies" in arrays:
         joules = arrays["energies"][steps]
         unit, scale = ("J", 1.0) if np.abs(joules).max() >= 1 else ("mJ", 1e3)
