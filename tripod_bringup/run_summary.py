@@ -70,11 +70,14 @@ def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
     if measured is not None:
         file = result.get("study") or "the accuracy study of this scene"
         yours = "; your motion is another one" if own_motion else ""
-        words.append(f"about {_digits(100 * measured)} % of the motion, measured in {file}{yours}")
+        of = f" (of: {figures['quantity']})" if figures.get("quantity") else ""
+        words.append(f"about {_digits(100 * measured)} % of the motion, measured in {file}{of}{yours}")
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))
     elif steps:
-        words.append("of the time steps: " + _time_error(steps))
+        words.append(
+            "of the time steps in this run, until its end: " + _time_error(steps) + _too_large(steps, result)
+        )
     if words:
         return "; ".join(words)
     if figures.get("quantity"):
@@ -217,6 +220,13 @@ def _time_error(error: Mapping[str, Any]) -> str:
         if not math.isnan(error.get(name, math.nan))
     ]
     return "; ".join(words) + " (estimated)"
+
+
+def _too_large(error: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    """Return what it means that the estimated error is larger than the motion; empty where it is not."""
+    if error["node"] < 0 or not error["largest"] > result["displacement"]["largest"]:
+        return ""
+    return ", which is more than the whole motion: the end of this run is not reliable, take a smaller dt"
 
 
 def _millijoules(value: float) -> str:

@@ -3,7 +3,10 @@
 import math
 from typing import Any
 
+import pytest
+
 from tests.messages import assert_names, names
+from tripod_bringup import run_summary
 from tripod_bringup.run_summary import result_rows, summary_rows
 
 
@@ -124,3 +127,13 @@ def test_what_is_below_the_noise_is_not_shown() -> None:
 
 def test_a_motion_that_grows_leads_to_smaller_steps() -> None:
     assert_names(short(instability="grew")["next"], "tripod run cloth --set dt=0.005")
+
+
+@pytest.mark.parametrize(("largest", "warned"), [(0.58, True), (0.01, False)])
+def test_an_estimated_error_beyond_the_motion_says_so(largest: float, *, warned: bool) -> None:
+    error = {"effector": math.nan, "largest": largest, "node": 3, "added": 0}
+    result = {"time_error": error, "displacement": {"largest": 0.094}}
+    measured = {"error": {"measured": 0.13}, "quantity": "ends of the strips"}
+    text = run_summary._error(result | {"figures": measured}, own_motion=False)
+    assert_names(text, "13 %", "ends of the strips", "node 3", f"{1e3 * largest:.2g} mm")
+    assert names(text, "not reliable", "smaller dt") == warned
