@@ -83,7 +83,7 @@ def knob_that_pays(result: Mapping[str, Any]) -> str:
         if twin and twin["bound"] is not None:
             if twin["bound"] > allowed:
                 needed.append(
-                    f"{name} {_value(value)} (with {name} {_value(default)} the error is {100 * twin['error']:.2g} %)"
+                    f"{name} {_value(value)} (with {_value(default)} the error may be {100 * twin['bound']:.2g} %)"
                 )
             else:
                 gains.append((twin["cpu"] / best["cpu"], name, value, default))

@@ -229,7 +229,7 @@ class Scene:
             tip = np.zeros(3)
             tip[k] = 1.1 * length
             yield self._api.add_label(f"/world/{name}", name, position=tip, font_screen_scale=0.8)
-        text = f"squares: {squares(cell)}"
+        text = f"one square of the floor: {squares(cell)}"
         place = np.array([0.0, -1.2 * length, 0.0])
         yield self._api.add_label("/world/scale", text, position=place, font_screen_scale=0.8)
 

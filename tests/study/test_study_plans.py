@@ -118,7 +118,7 @@ def test_advice_names_what_an_accuracy_takes() -> None:
     assert_names(five, "5 %", "dt 2, b", "3 CPU s")
     assert_names(none, "1 %", "3 %")
     assert_names(margin, "--accuracy", "3 times", "1.7 %")
-    assert_names(needs, "5 %", "dt 2", "dt 1", "7 %", "scheme b", "scheme a")
+    assert_names(needs, "5 %", "dt 2", "7 %", "scheme b", "scheme a")
 
 
 def test_advice_names_the_knob_that_saves_most() -> None:

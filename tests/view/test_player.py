@@ -255,7 +255,7 @@ def test_a_browser_draws_it(tmp_path: Path) -> None:
         return names(page, "0.75 of 1.50 s")
 
     wait_until(lambda: shows(opened(address, user, "--dump-dom")))
-    assert_names(pages[-1], "0.75 of 1.50 s", "squares: ")
+    assert_names(pages[-1], "0.75 of 1.50 s", "one square")
     assert html.escape(EVENT) in pages[-1]
     wait_until(lambda: shows(opened(address, user, f"--screenshot={picture}", "--dump-dom")))
     image = imread(picture)[40:540, :550, :3]
