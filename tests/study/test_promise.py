@@ -156,7 +156,7 @@ def test_the_document_is_of_these_margins() -> None:
             study = read_study(STUDIES / f"{made['study']}.json")
             picked = pick(study, asked(made["requested"]), None)
             assert made["setting"] == settings_text(picked), "of another setting than is taken"
-            assert allowed == list(margins(study))
+            assert allowed == list(margins(study.name, 1 + len(study.others)))
             for factor, most in zip(factors, allowed, strict=True):
                 assert factor <= 1.01 * most  # what 95 % of 200 cases stay below is known to several per cent
             assert int(made["cases"]) >= 200
