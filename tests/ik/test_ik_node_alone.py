@@ -68,7 +68,7 @@ def test_from_the_parked_pose_it_says_which_torque_a_closer_pose_needs_as_the_co
     assert not once["reached"]
     assert_names(once["reason"], "torque", "limit 0.3 N m")
     status = graph.wait_state(IkStatus.CLOSEST, *once["reason"].split()[-4:])
-    assert status.message == once["reason"]
+    assert status.message == f"closest pose: {once['reason']}"
     assert status.residual == pytest.approx(once["error"], abs=1e-6)
 
 
