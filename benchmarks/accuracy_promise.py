@@ -39,7 +39,7 @@ from benchmarks import promise_cases
 from benchmarks.doc_parts import DOCS
 from benchmarks.promise_cases import KINDS, Kind, Rows
 from benchmarks.promise_table import HEADS, PAGE, percent, table, written
-from tripod_bringup.study_plans import PLANS
+from tripod_bringup.study_plans import plan
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_study.accuracy.choice import asked, pick
 from tripod_study.accuracy.margins import margins
@@ -63,7 +63,7 @@ class Runner:
         self.study, self._keep, self._kind = study, keep, KINDS[study.name]
         self._base = {k: v for k, v in study.base.items() if not k.startswith("servos.")}
         cases = hashlib.sha256(Path(promise_cases.__file__).read_bytes()).hexdigest()
-        self._code = [fingerprint(PLANS[study.name]), cases]
+        self._code = [fingerprint(plan(study.name, quick=False).module), cases]
         self._known: dict[str, list[list[float]] | None] = {}
         if keep and keep.exists():
             for line in keep.read_text(encoding="utf-8").splitlines():

@@ -15,7 +15,7 @@ from calibration import calibration
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.broad_phase import Boxes, Tree
-from tripod_study.plans import drape
+from tripod_study.variations import drape
 
 BALL = [
     "contact={contact_distance=5e-4, alarm_distance=1.5e-3}",

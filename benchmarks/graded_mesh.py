@@ -32,12 +32,15 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 import numpy as np
 
 from benchmarks.doc_parts import write_part
+from tripod_bringup.study_plans import plan
 from tripod_sim import SceneError, Simulation, StepError
 from tripod_sim.mesh import y_piece
 from tripod_sim.mesh.y_piece import LEVELS, YLevel
+from tripod_sim.script import script_of
+from tripod_study import watch
 from tripod_study.motion import scene_of
 from tripod_study.plan import Settings
-from tripod_study.plans import tripod_dynamic, tripod_static
+from tripod_study.tripod_poses import POSES
 
 CLAMP: Settings = {"clamp.stiffness": 1.4e10}
 MOST, ENOUGH = 1500, 0.005
@@ -98,10 +101,10 @@ WORK = 3
 
 def poses(settings: Settings) -> tuple[np.ndarray, int]:
     """Return the effector in all poses, the flat piece first, shape (6, 3) [m]; and the unknowns."""
-    base = {**tripod_static.BASE, **CLAMP, "solver.max_turn": 0.3, **settings}
+    base = {**plan("tripod_static", quick=False).base, **CLAMP, "solver.max_turn": 0.3, **settings}
     simulation = Simulation(scene_of("tripod", base))
     found = [simulation.state.centres[0].copy()]
-    for chain in tripod_static.POSES:
+    for chain in POSES:
         simulation.reset()
         for joints in chain[1:]:
             simulation.step(np.array(joints))
@@ -198,16 +201,19 @@ def search(element: str) -> None:
 
 def motion(settings: Settings, repeats: int) -> tuple[np.ndarray, int, float, float]:
     """Return the effector every 10 ms, shape (13, 3) [m], unknowns, CPU time of a simulated second, worst step [s]."""
-    base = {**tripod_dynamic.BASE, **CLAMP, "solver.mode": "one_solve", **settings}
+    study = plan("tripod_dynamic", quick=False)
+    base = {**study.base, **CLAMP, "solver.mode": "one_solve", **settings}
     simulation = Simulation(scene_of("tripod", base))
     dt = simulation.scene.dt
-    steps, every = round(tripod_dynamic.DURATION / dt), round(tripod_dynamic.INTERVAL / dt)
+    every = round(float(study.given[watch.INTERVAL]) / dt)
+    steps = every * int(study.given[watch.SAMPLES])
+    script, start = script_of(simulation.scene, str(study.given[watch.SERVO])), simulation.command
     taken = np.full(steps, np.inf)
     for _ in range(repeats):
         simulation.reset()
         found = [simulation.state.centres[0].copy()]
         for k in range(steps):
-            joints = tripod_dynamic.command((k + 1) * dt)
+            joints = script.joints(start, (k + 1) * dt)
             begin = time.thread_time()
             simulation.step(joints)
             taken[k] = min(taken[k], time.thread_time() - begin)
@@ -216,7 +222,7 @@ def motion(settings: Settings, repeats: int) -> tuple[np.ndarray, int, float, fl
     return (
         np.array(found),
         simulation.unknowns,
-        float(taken.sum() / tripod_dynamic.DURATION),
+        float(taken.sum() / (steps * dt)),
         float(taken.max()),
     )
 

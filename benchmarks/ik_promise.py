@@ -22,12 +22,13 @@ from benchmarks.calibration import calibration  # noqa: F401 - it sets the numbe
 import numpy as np
 
 from benchmarks.doc_parts import write_part
+from tripod_bringup.study_plans import plan
 from tripod_ik.accuracy import choose_model
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
-from tripod_ik.study_plan import DEFAULT, ROBOT, SCENE, robot
+from tripod_ik.study_task import ROBOT, SCENE, robot
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene_file import load_scene
 
@@ -49,7 +50,10 @@ def targets(count: int, seed: int) -> np.ndarray:
 
 def errors(overrides: Sequence[str], places: np.ndarray) -> np.ndarray:
     """Return how far the robot ends from each target that the model reaches, relative."""
-    model, plant = StaticModel(load_scene(SCENE, overrides)), robot(int(DEFAULT[ROBOT]))
+    model, plant = (
+        StaticModel(load_scene(SCENE, overrides)),
+        robot(int(plan("ik", quick=False).default[ROBOT])),
+    )
     joints = model.simulation.joints
     assert joints
     solver = InverseSolver(model, AngleLimit(joints.low, joints.high))

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from tripod_bringup.study_plans import plan
 from tripod_sim import Simulation
 from tripod_sim.maze.play import MazeBall
-from tripod_study.plans.maze import INSTANTS
-from tripod_study.plans.silicone import DURATION, INTERVAL, tip_nodes
+from tripod_study import watch
+from tripod_study.first_bounce import INSTANTS
+from tripod_study.watch import tip_nodes
 
 SPREAD = 0.3
 """Of angles about the line from the flat piece to the working pose [rad]."""
@@ -126,9 +128,11 @@ def hung_case(seed: int) -> Case:
 
 def hung_rows(simulation: Simulation, case: Case) -> Rows:
     """The ends of the two free strips, let go from flat."""
-    tips, every = tip_nodes(simulation.mesh.nodes), round(INTERVAL / simulation.scene.dt)
+    given = plan("silicone", quick=False).given
+    tips = tip_nodes(simulation.mesh.nodes)
+    every = round(float(given[watch.INTERVAL]) / simulation.scene.dt)
     rows = []
-    for _ in range(round(DURATION / INTERVAL)):
+    for _ in range(int(given[watch.SAMPLES])):
         simulation.advance(every)
         rows.append(np.concatenate([simulation.positions[t].mean(axis=0) for t in tips]))
     return np.array(rows)

@@ -43,10 +43,6 @@ class Changes:
         return next((name for name, value in zip(names, values, strict=True) if value is not None), "")
 
 
-ANY_SCENE = "tripod_study.plans.any_scene"
-"""The module of studies that do not come with tripod."""
-
-
 def study_command(
     scene: str,
     *,
@@ -108,7 +104,7 @@ def study_command(
             f"files: {made_of}: {', '.join(path.suffix for path in files)}; points: .jsonl", file=sys.stderr
         )
     lacking = [name for name, found in printed.get("accuracy", {}).items() if not found["front"]]
-    if plans and plans[0].module == ANY_SCENE and not changes.first() and not (lacking or as_json or quiet):
+    if plans and plans[0].studied and not changes.first() and not (lacking or as_json or quiet):
         words = ["tripod", "run", scene]
         if scene.endswith(".toml"):
             words += ["--accuracy", "5%", "--study", str(out / f"{plans[0].name}.json")]
@@ -162,7 +158,7 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     from tripod_sim.scene_file import scene_names  # noqa: PLC0415
 
     with loading("tripod study"):
-        from tripod_study.plans import any_scene  # noqa: PLC0415 - heavy
+        from tripod_study import any_scene  # noqa: PLC0415 - heavy
 
     if not scene.endswith(".toml") and scene not in scene_names():
         known = ", ".join([*PLANS, "tripod"])
@@ -239,7 +235,7 @@ def print_report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, 
     from tripod_bringup.study_store import Store  # noqa: PLC0415 - not needed for the help
     from tripod_study.fingerprint import fingerprint  # noqa: PLC0415
 
-    made, code = report(name, full=full), fingerprint(PLANS[name])
+    made, code = report(name, full=full), fingerprint(REPORTS[name])
     columns = {column.key for column in made.columns}
     path = out / f"{name}_report.csv"
     check_place(path)  # before the work, not after it

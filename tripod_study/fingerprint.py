@@ -18,7 +18,7 @@ CARRYING = ("description.py", "script.py", "timeline.py")
 SHOWN = re.compile(rb"\n(#[^\n]*\n)*\[motion\]\n.*?(?=\n(#[^\n]*\n)*\[|\Z)", re.DOTALL)
 """Of a scene: what only `tripod run` does with it."""
 
-MEASURING = ("motion.py", "task.py")
+MEASURING = ("motion.py", "task.py", "watch.py")
 """Files of tripod_study that have a part in what a point shows."""
 
 
@@ -31,7 +31,7 @@ def fingerprint(module: str) -> str:
     point, and a task that changes raises the study's version.
 
     Args:
-        module: Of the study's task, such as `tripod_study.plans.cloth`.
+        module: Of the study's task, such as `tripod_study.watch`.
     """
     found = find_spec(module)
     assert found

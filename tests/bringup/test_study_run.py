@@ -282,7 +282,7 @@ def test_a_cluster_gives_the_same_bits(tmp_path: Path) -> None:
 
 def test_a_worker_is_started_again_after_it_was_stopped() -> None:
     worker = Worker()
-    settings = dict(toy_study.DEFAULT)
+    settings = dict(toy_study.make().default)
     try:
         first = worker.measure("tests.bringup.toy_study", settings, DEADLINE)
         worker.stop()
@@ -296,7 +296,7 @@ def test_a_worker_is_started_again_after_it_was_stopped() -> None:
 def toy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     from tripod_bringup import study_plans
 
-    monkeypatch.setitem(study_plans.PLANS, "toy", "tests.bringup.toy_study")
+    monkeypatch.setitem(study_plans.PLANS, "toy", toy_study.FILE)
     yield
 
 
@@ -379,10 +379,12 @@ def test_a_second_study_in_the_same_folder_is_refused(words: list[str], tmp_path
 
 @pytest.mark.usefixtures("toy")
 def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        toy_study, "rungs", lambda s: tuple({**s, "dt": h, "end": "diverge"} for h in (0.02, 0.01))
-    )
-    done = CliRunner().invoke(app, ["study", "toy", "--out", str(tmp_path)])
+    from tripod_bringup import study_plans
+
+    file = tmp_path / "toy.toml"
+    file.write_text(toy_study.FILE.read_text().replace('dt = 0.02, end = "ok"', 'dt = 0.02, end = "diverge"'))
+    monkeypatch.setitem(study_plans.PLANS, "toy", file)
+    done = CliRunner().invoke(app, ["study", "toy", "--out", str(tmp_path / "out")])
     assert done.exit_code == 1
     line_naming(done.stderr, "tripod study: ", "reference 'reference'", "diverged")
 
@@ -390,7 +392,7 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (["nonsense"], ("study 'nonsense'", "pendulum, cloth")),
+        (["nonsense"], ("study 'nonsense'", "cloth, drape")),
         ([], ("scene", "--all")),
         (["pendulum", "--all"], ("scene", "--all")),
         (["cloth", "--part", "report"], ("no report", "'cloth'", "pendulum, drape")),
@@ -424,10 +426,10 @@ def test_without_dask_a_scheduler_is_refused_in_one_line(
 INTERRUPTED = """
 import sys
 from tests.bringup import toy_study
-from tripod_bringup import study_plans
-study_plans.PLANS["toy"] = "tests.bringup.toy_study"
+from tripod_bringup import study_command, study_plans
+study_plans.PLANS["toy"] = toy_study.FILE
 _, out, gate = sys.argv
-toy_study.plan = lambda quick: toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), gate=gate)
+study_command.plan = lambda name, quick: toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), gate=gate)
 from tripod_bringup.cli import main
 sys.argv = ["tripod", "study", "toy", "--jobs", "2", "--out", out]
 main()
@@ -466,7 +468,7 @@ LEFT = """
 import sys
 from tests.bringup import toy_study
 from tripod_bringup import study_plans
-study_plans.PLANS["toy"] = "tests.bringup.toy_study"
+study_plans.PLANS["toy"] = toy_study.FILE
 from tripod_bringup.cli import main
 sys.argv = ["tripod", "study", "toy", "--quiet", "--jobs", "2", "--out", sys.argv[1]]
 main()

@@ -4,22 +4,21 @@ import itertools
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from tripod_sim.errors import SceneError, StepError
-from tripod_study.plan import Knob, Plan, Quantity, Reference, Settings, grid
+from tripod_study.plan import Plan, Settings, grid
+from tripod_study.plan_file import read_plan
 from tripod_study.task import Measured
 
 ENDS = ("ok", "diverge", "refuse", "bug", "exit", "kill", "hang")
 
-DEFAULT: Settings = {"dt": 0.4, "end": "ok", "gate": "", "log": ""}
+FILE = Path(__file__).with_name("toy.toml")
+"""Its plan."""
 
 BEFORE_GATE = 6
 """How many points are measured before those that follow wait at the gate."""
-
-
-def rungs(settings: Settings) -> tuple[Settings, ...]:
-    return tuple({**settings, "dt": h, "end": "ok"} for h in (0.02, 0.01))
 
 
 def make(
@@ -35,19 +34,9 @@ def make(
         log: A file that gets a line for each point that is measured; empty: none.
         limit: Longest time of a point [s]; by default more than any takes on a loaded machine.
     """
-    default = {**DEFAULT, "gate": gate, "log": log}
-    return Plan(
-        name="toy", title="Toy", scene="none", module="tests.bringup.toy_study", version=1,
-        others=(Knob("end", "end", "how it ends"),), default=default,
-        points=tuple(grid(default, end=ends, dt=steps)),
-        quantities=(Quantity("x", "m", "a number", scale="largest"),),
-        references=(Reference("reference", rungs, order=2.0, sizes=(2.0, 1.0)),),
-        group="end", quick=False, order_knob="dt", order_quantity="x", limit=limit,
-    )  # fmt: skip
-
-
-def plan(*, quick: bool) -> Plan:
-    return make()
+    made = read_plan(FILE, quick=False)
+    default = {**made.default, "gate": gate, "log": log}
+    return replace(made, default=default, points=tuple(grid(default, end=ends, dt=steps)), limit=limit)
 
 
 def waiting(gate: Path) -> list[int]:

@@ -10,7 +10,7 @@ import pytest
 from tests.messages import assert_names
 from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
-from tripod_study.plans.drape import crossings_of
+from tripod_study.variations.drape import crossings_of
 
 SMALL = ["springs.source=grid", "springs.nodes=9", "springs.size=0.6"]
 

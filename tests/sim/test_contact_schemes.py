@@ -23,7 +23,7 @@ from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.system import System
-from tripod_study.plans.drape import crossings_of
+from tripod_study.variations.drape import crossings_of
 
 SCHEMES = MULTISTEP
 

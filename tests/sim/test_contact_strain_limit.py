@@ -5,7 +5,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_study.plans.drape import crossings_of
+from tripod_study.variations.drape import crossings_of
 
 MODES = ["lagrange", "penalty"]
 

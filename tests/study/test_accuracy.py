@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from tests.messages import assert_names, line_naming, lines_naming, names, raises_naming
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
+from tripod_bringup.study_plans import plan
 from tripod_sim import SceneError, load_scene
 from tripod_sim.scene_file import scene_text
 from tripod_study.accuracy.choice import (
@@ -30,7 +31,6 @@ from tripod_study.accuracy.choice import (
 from tripod_study.accuracy.machine import product_time
 from tripod_study.accuracy.margins import MARGIN
 from tripod_study.accuracy.stored import read_study, stored_studies
-from tripod_study.plans import tripod_dynamic
 
 POINTS = [  # dt [s], relative bound, CPU time for a simulated second [s]
     (0.01, 0.10, 0.1),
@@ -264,7 +264,7 @@ def test_a_study_names_its_draft(tmp_path: Path) -> None:
 
 def test_the_draft_of_the_tripod_is_its_fast_setting_with_sharp_clamps() -> None:
     choice = choose("tripod", "draft", speed=same_speed)
-    assert choice.settings == tripod_dynamic.plan(quick=False).draft
+    assert choice.settings == plan("tripod_dynamic", quick=False).draft
     found = load_scene("tripod", choice.overrides)
     assert (found.mesh.level, found.clamp, found.inertia.scheme, found.dt) == (
         2,

@@ -7,7 +7,7 @@ import pytest
 
 import tripod_sim
 import tripod_study
-from tripod_bringup.study_plans import PLANS
+from tripod_bringup.study_plans import PLANS, plan
 from tripod_study import fingerprint as module
 from tripod_study.fingerprint import digest, fingerprint, simulating, sources
 
@@ -48,7 +48,7 @@ def test_what_simulates_or_measures_counts(path: str, copies: list[Path]) -> Non
 @pytest.mark.parametrize(
     "path",
     [
-        "tripod_study/plans/cloth.py",
+        "tripod_study/plans/cloth.toml",
         "tripod_study/result.py",
         "tripod_study/studies/cloth.json",
         "tripod_study/accuracy/choice.py",
@@ -77,7 +77,7 @@ def test_the_motion_that_is_shown_does_not_count(ending: str, tmp_path: Path) ->
 def test_a_study_of_another_package_counts_that_package_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = {name: fingerprint(path) for name, path in PLANS.items()}
+    found = {name: fingerprint(plan(name, quick=True).module) for name in PLANS}
     assert len({found[name] for name in PLANS if name != "ik"}) == 1
     assert found["ik"] != found["cloth"]
     folder = tmp_path / "some_package"

@@ -15,7 +15,7 @@ from benchmarks.promise_table import HEADS, PAGE, rows_of, written
 from tripod_sim import Simulation, StepError, load_scene
 from tripod_study.accuracy.choice import asked, margins, pick, settings_text
 from tripod_study.accuracy.stored import read_study, stored_studies
-from tripod_study.plans.tripod_dynamic import SLIDE
+from tripod_study.tripod_poses import SLIDE
 
 STUDIES = ROOT / "tripod_study" / "studies"
 PENDULUM = STUDIES / "pendulum.json"

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from tripod_bringup.cli import app
 from tripod_bringup.study_plans import REPORTS, report
-from tripod_study.plans import pendulum
 from tripod_study.report import one_by_one
+from tripod_study.variations import pendulum
 
 
 @pytest.mark.parametrize(

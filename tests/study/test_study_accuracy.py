@@ -228,22 +228,22 @@ def test_a_motion_is_refused_where_dt_does_not_meet_the_instants() -> None:
 
 def test_a_motion_repeats_the_same_bits_and_an_unstable_one_is_an_error() -> None:
     made = plan("pendulum", quick=True)
-    from tripod_study.plans import pendulum
+    from tripod_study.exact_pendulum import task
 
-    first, second = (pendulum.task(made.default) for _ in range(2))
+    first, second = (task(made.told(made.default)) for _ in range(2))
     assert isinstance(first, Measured)
     assert first.observed == second.observed
     assert len(first.cpu) >= 3
-    bad = outcome(pendulum.task, {**made.default, "inertia.substeps": "off", "dt": 0.05})
+    bad = outcome(task, {**made.told(made.default), "inertia.substeps": "off", "dt": 0.05})
     assert bad["status"] == "diverged"
     assert_names(bad["message"], "unstable")
 
 
 def test_the_pendulums_reference_agrees_with_small_steps_of_rk4() -> None:
-    from tripod_study.plans import pendulum
+    from tripod_study.exact_pendulum import EXACT, task
 
     made = plan("pendulum", quick=True)
-    exact = pendulum.task({pendulum.EXACT: 1e-10}).observed
-    fine = pendulum.task({**made.default, "inertia.scheme": "rk4", "dt": 2e-4}).observed
+    exact = task(made.told({EXACT: 1e-10})).observed
+    fine = task({**made.told(made.default), "inertia.scheme": "rk4", "dt": 2e-4}).observed
     for name, bound in (("nodes", 1e-7), ("end", 1e-6), ("amplitude", 1e-6), ("passage", 1e-6)):
         assert deviation(np.array(fine[name]), np.array(exact[name]), "distance") < bound

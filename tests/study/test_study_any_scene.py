@@ -9,14 +9,15 @@ import pytest
 from tests.messages import assert_names, names, raises_naming
 from tripod_sim import SceneError, load_scene
 from tripod_sim.scene_file import scene_text
+from tripod_study import any_scene
 from tripod_study.accuracy.choice import choose
 from tripod_study.accuracy.studied import studied
 from tripod_study.advice import advice
+from tripod_study.any_scene import Subject, plan
 from tripod_study.plan import Plan
-from tripod_study.plans import any_scene
-from tripod_study.plans.any_scene import Subject, plan, task
 from tripod_study.result import assemble
 from tripod_study.task import outcome
+from tripod_study.watch import task
 
 STRIP = """
 name = "{name}"

@@ -9,7 +9,7 @@ from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.springs.generate import grid
-from tripod_study.plans import drape
+from tripod_study.variations import drape
 
 SHORT = {"nodes": 9, "duration": 0.6}
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -14,20 +15,23 @@ from tripod_bringup.study_run import whole
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
-from tripod_study import task
+from tripod_sim.scene_short import joints_of
+from tripod_sim.script import script_of
+from tripod_study import first_bounce, task, watch
 from tripod_study.advice import advice
-from tripod_study.plans import cloth, drape, maze, pendulum, silicone, tripod_dynamic
+from tripod_study.motion import scene_of
 
 SLOW = ("ik",)
 """Studies of which one point is enough."""
 
+LONG = ("cloth", "drape")
+"""Studies whose motion is cut short: steps take long."""
+
 
 @pytest.fixture
 def once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One repetition, and short motions where steps take long."""
+    """One repetition."""
     monkeypatch.setattr(task, "MOST", 1)
-    for module in (cloth, drape):
-        monkeypatch.setattr(module, "DURATION", 0.2)
 
 
 @pytest.mark.usefixtures("once")
@@ -35,9 +39,11 @@ def once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_points_of_every_study_run_and_have_all_quantities(name: str) -> None:
     made = plan(name, quick=True)
     run = import_module(made.module).task
+    if name in LONG:
+        made = replace(made, given={**made.given, watch.SAMPLES: 2})
     points = made.points[:1] if name in SLOW else (made.points[0], made.points[-1])
     for point in points:
-        found = task.outcome(run, point.settings)
+        found = task.outcome(run, made.told(point.settings))
         assert found["status"] == "ok", found["message"]
         assert set(found["observed"]) >= {q.key for q in made.quantities}
         assert found["cpu"][0] > 0
@@ -55,14 +61,14 @@ def test_a_reference_that_is_no_simulation_is_kept_when_a_study_is_resumed(name:
     own = [s for s in made.runs()[0] if any(field.startswith("reference.") for field in s)]
     assert own
     for settings in own:
-        assert whole(made, json.loads(json.dumps(task.outcome(run, settings))))
+        assert whole(made, json.loads(json.dumps(task.outcome(run, made.told(settings)))))
 
 
 def test_the_tips_of_the_silicone_are_the_same_points_on_every_mesh() -> None:
     for level in (1, 2, 4):
         for kind in ("h20", "t4"):
             nodes = convert(y_piece(LEVELS[level]), kind).nodes
-            for i, tip in enumerate(silicone.tip_nodes(nodes), start=1):
+            for i, tip in enumerate(watch.tip_nodes(nodes), start=1):
                 assert len(tip) == 4
                 azimuth = 2 * math.pi * i / 3
                 end = 0.055 * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
@@ -71,15 +77,25 @@ def test_the_tips_of_the_silicone_are_the_same_points_on_every_mesh() -> None:
 
 def test_the_touch_is_found_on_the_parabola() -> None:
     t = np.array([0.0, 0.01, 0.03, 0.04])
-    assert maze.touch(t, 0.3 * t + 2 * t**2, 0.3 * 0.045 + 2 * 0.045**2) == pytest.approx(0.045, abs=1e-12)
-    assert maze.touch(t[:3], 0.5 * t[:3] - 2 * t[:3] ** 2, 0.02) == pytest.approx(0.05)  # again at 0.2
-    assert maze.touch(t[:2], 0.5 * t[:2], 0.01) == pytest.approx(0.02)
+    assert first_bounce.touch(t, 0.3 * t + 2 * t**2, 0.3 * 0.045 + 2 * 0.045**2) == pytest.approx(
+        0.045, abs=1e-12
+    )
+    assert first_bounce.touch(t[:3], 0.5 * t[:3] - 2 * t[:3] ** 2, 0.02) == pytest.approx(
+        0.05
+    )  # again at 0.2
+    assert first_bounce.touch(t[:2], 0.5 * t[:2], 0.01) == pytest.approx(0.02)
     with raises_naming(StepError, "stops", "before the wall"):
-        maze.touch(t, 0.1 * t - 2 * t**2, 0.01)
+        first_bounce.touch(t, 0.1 * t - 2 * t**2, 0.01)
 
 
 def test_the_servo_moves_by_0_3_rad_in_30_ms() -> None:
-    start, middle, end, late = (tripod_dynamic.command(t) for t in (0.0, 0.015, 0.03, 1.0))
+    made = plan("tripod_dynamic", quick=True)
+    scene = scene_of(made.scene, made.full(made.default))
+    script = script_of(scene, str(made.given[watch.SERVO]))
+    joints = joints_of(scene)
+    assert joints
+    start, middle, end, late = (script.joints(joints.start, t) for t in (0.0, 0.015, 0.03, 1.0))
+    assert np.array_equal(start, joints.start)
     assert middle[0] - start[0] == pytest.approx(0.15)
     assert end[0] - start[0] == pytest.approx(0.3)
     assert np.array_equal(end, late)
@@ -88,7 +104,8 @@ def test_the_servo_moves_by_0_3_rad_in_30_ms() -> None:
 
 def test_the_passage_is_the_vertex_of_the_parabola() -> None:
     t = 0.05 * np.arange(1.0, 9.0)
-    assert pendulum._lowest(t, (t - 0.217) ** 2) == pytest.approx(0.217)
+    rows = np.column_stack([t, t, (t - 0.217) ** 2])
+    assert watch.REDUCTIONS["time_lowest"](t, rows[0], rows)[0, 0] == pytest.approx(0.217)
 
 
 def made_up(points: list[dict], cheapest: dict) -> dict:

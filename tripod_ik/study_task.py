@@ -1,4 +1,4 @@
-"""Study of inverse kinematics: mesh of the model, iterations and accuracy against the pose that a robot then takes.
+"""What the study of inverse kinematics measures: the pose that a robot takes with the angles found, from the target.
 
 The robot is a model with a much finer mesh. For each target inverse kinematics finds angles on its own model, from the
 working pose; the robot takes them, and the error is how far its effector then is from the target.
@@ -16,7 +16,7 @@ from tripod_ik.rotation import normal_of
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene import Scene
 from tripod_study.motion import scene_of
-from tripod_study.plan import Knob, Plan, Quantity, Reference, Settings, grid, points_of
+from tripod_study.plan import Settings
 from tripod_study.task import Measured, repeated
 
 SCENE = "tripod"
@@ -39,60 +39,6 @@ ITERATIONS, ACCURACY = "ik.max_iterations", "ik.accuracy"
 
 ROBOT = "robot.level"
 """Not a field of the scene: mesh level of the robot's H20 elements."""
-
-DEFAULT: Settings = {
-    "mesh.element": "h20",
-    "mesh.level": 8,
-    "material.law": "neo_hooke",
-    ITERATIONS: 200,
-    ACCURACY: 1e-7,
-    ROBOT: 9,
-}
-
-
-def rungs(settings: Settings) -> tuple[Settings, ...]:
-    """Return the targets, and before them what a model reaches whose mesh is the one before the robot's."""
-    near: Settings = {"mesh.element": "h20", "mesh.level": int(settings[ROBOT]) - 1}
-    return ({**DEFAULT, **near, ROBOT: settings[ROBOT]}, {HERE: 1})
-
-
-def plan(*, quick: bool) -> Plan:
-    """Return the study; `quick`: few points."""
-    default = {**DEFAULT, ROBOT: 4 if quick else 9}
-    linear = {**default, "mesh.element": "h8_modes", "mesh.level": 12}
-    points = (
-        grid(linear, mesh__level=(1,), ik__max_iterations=(2, 3, 200))
-        if quick
-        else [
-            *grid(linear, mesh__level=(1, 2, 8, 12), ik__max_iterations=(2, 3, 4, 5, 200)),
-            *grid(linear, mesh__level=(2, 8, 12), ik__accuracy=(1e-3, 1e-4, 1e-5)),
-            *grid(default, mesh__level=(1, 8, 13), ik__max_iterations=(3, 4, 5, 200)),
-            *grid(default, ik__accuracy=(1e-3, 1e-4, 1e-5)),
-            *grid(linear, mesh__element=("t4",), mesh__level=(5, 6)),
-            *grid(linear, material__law=("corotational",)),
-        ]
-    )
-    return Plan(
-        name="ik",
-        title="Inverse kinematics: six targets about the working pose, on a robot with a finer mesh",
-        scene=SCENE,
-        module=__name__,
-        version=1,
-        others=(
-            Knob("iterations", ITERATIONS, "linearisations at most, the first included"),
-            Knob("accuracy", ACCURACY, "step below which the search ends [rad]"),
-        ),
-        default=default,
-        points=points_of(default, points),
-        quantities=(
-            Quantity("effector", "m", "pose that the robot takes, from the target, the worst of all targets"),
-        ),
-        references=(Reference("reference", rungs),),
-        group="mesh.element",
-        quick=quick,
-        solves=True,
-        note="The reference's own error is what a model misses whose mesh is the one before the robot's.",
-    )
 
 
 def model_scene(settings: Settings) -> Scene:

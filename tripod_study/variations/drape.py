@@ -1,6 +1,4 @@
-"""The cloth that falls on a sphere: response to contact, contact distance and step against its resting shape; the
-course report's variations.
-"""
+"""The cloth that falls on a sphere: the course report's variations, by both responses to contact."""
 
 import time
 from collections.abc import Callable
@@ -17,84 +15,8 @@ from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.springs.net import spring_net
 from tripod_study import report as table
-from tripod_study.motion import motion, nodes, scene_of
-from tripod_study.plan import NODES, Plan, Quantity, Settings, always, grid, points_of
-from tripod_study.task import Measured
 
 SCENE = "drape"
-
-DURATION, INTERVAL = 1.0, 0.1
-"""Of the motion and between the instants at which it is looked at [s]: the fall, and the folds that it makes."""
-
-DEFAULT: Settings = {
-    "contact.response": "lagrange",
-    "contact.contact_distance": 0.002,
-    "contact.alarm_distance": 0.006,
-    "contact.tolerance": 1e-3,
-    "dt": 0.01,
-}
-
-
-def near(settings: Settings, distance: float) -> dict[str, str | float | int | bool]:
-    """Return settings with another contact distance and, three times as far, alarm distance [m]."""
-    return {**settings, "contact.contact_distance": distance, "contact.alarm_distance": 3 * distance}
-
-
-RUNGS = [{**near(DEFAULT, 5e-4), "dt": dt} for dt in (0.001, 0.0005)]
-QUICK_RUNGS = [{**DEFAULT, "dt": dt} for dt in (0.01, 0.005)]
-"""The reference, multipliers, small steps, a small distance; and one that takes seconds."""
-
-
-def crossings_of(scene: Scene) -> Crossings:
-    """Return what finds where the springs of a scene, which have triangles, pass through its obstacles."""
-    assert scene.springs
-    assert scene.contact
-    net, none = spring_net(scene.springs), np.zeros((0, 2), dtype=np.int64)
-    part = Part(net.nodes, net.triangles, none, self_contact=scene.contact.self_contact)
-    return Crossings(part, obstacle_parts(scene.obstacles))
-
-
-def plan(*, quick: bool) -> Plan:
-    """Return the study; `quick`: few points, against a coarser reference."""
-    responses = ("lagrange", "penalty")
-    points = (
-        grid(DEFAULT, contact__response=responses, dt=(0.02, 0.01))
-        if quick
-        else [
-            point
-            for distance in (0.0005, 0.002, 0.005)
-            for point in grid(
-                near(DEFAULT, distance), contact__response=responses, dt=(0.02, 0.01, 0.005, 0.002)
-            )
-        ]
-        + grid(DEFAULT, contact__tolerance=(1e-2, 1e-1))
-    )
-    return Plan(
-        name="drape",
-        title="A cloth falls on a sphere, first second",
-        module=__name__,
-        version=2,
-        default=DEFAULT,
-        points=points_of(DEFAULT, points),
-        quantities=(
-            NODES,
-            Quantity("shape", "m", "positions of all nodes at the end", measure="rms", scale="largest"),
-        ),
-        references=(always(QUICK_RUNGS if quick else RUNGS),),
-        group="contact.response",
-        quick=quick,
-        order_knob="dt",
-        order_quantity="nodes",
-        note="The error is of positions, contact distance included: a cloth held 5 mm off is wrong by that.",
-    )
-
-
-def task(settings: Settings) -> Measured:
-    """Run the motion; cost: CPU time of a simulated second."""
-    measured = motion(scene_of(SCENE, settings), DURATION, INTERVAL, nodes)
-    measured.observed["shape"] = [measured.observed["nodes"][-1]]
-    return measured
-
 
 BASE = {"distance": 0.002, "mass": 0.22, "speed": 0.0, "dt": 0.01, "k": 100.0, "g": 9.81, "limit": 0.0}
 """Contact distance [m], mass of the cloth [kg], speed at which it is thrown down [m/s], step [s], stiffness along edges
@@ -161,6 +83,15 @@ along edges; limit: of strains; amplitude: of any node; drift: change of the who
 can set free; stretch: of the longest spring, at most; penetration: by how much surfaces came closer than the contact
 distance, at most; cut: the largest part of a step that was given up to let nothing pass; tunnelled: whether anything of
 the cloth passed through the sphere, or it through the cloth; at rest: since when."""
+
+
+def crossings_of(scene: Scene) -> Crossings:
+    """Return what finds where the springs of a scene, which have triangles, pass through its obstacles."""
+    assert scene.springs
+    assert scene.contact
+    net, none = spring_net(scene.springs), np.zeros((0, 2), dtype=np.int64)
+    part = Part(net.nodes, net.triangles, none, self_contact=scene.contact.self_contact)
+    return Crossings(part, obstacle_parts(scene.obstacles))
 
 
 def report(*, full: bool) -> table.Report:

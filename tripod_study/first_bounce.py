@@ -1,4 +1,4 @@
-"""The maze up to the ball's first bounce: mesh, integrator, step and the ball's own step, against the ball's path."""
+"""The maze up to the ball's first bounce: what the study `maze` measures."""
 
 import time
 
@@ -10,7 +10,7 @@ from tripod_sim.errors import StepError
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.simulation import Simulation
 from tripod_study.motion import scene_of
-from tripod_study.plan import Observed, Plan, Quantity, Settings, always, grid, points_of
+from tripod_study.plan import Observed, Settings
 from tripod_study.task import Measured, repeated
 
 SCENE = "maze"
@@ -23,59 +23,6 @@ DURATION = 0.25
 
 INSTANTS = (0.03, 0.06, 0.09, 0.12, 0.15)
 """At which the ball is looked at, all before its first bounce [s]."""
-
-DEFAULT: Settings = {
-    "mesh.element": "h8_modes",
-    "mesh.level": 2,
-    "inertia.scheme": "implicit_euler",
-    "dt": 0.005,
-    "solver.mode": "newton",
-    "ball.substep": 5e-4,
-}
-
-
-FINE: Settings = {**DEFAULT, "inertia.scheme": "tr_bdf2"}
-RUNGS: list[Settings] = [
-    {**FINE, "mesh.element": "h27", "mesh.level": 9, "dt": 0.001, "ball.substep": 2e-5},
-    {**FINE, "mesh.element": "h27", "mesh.level": 10, "dt": 0.0005, "ball.substep": 1e-5},
-]
-QUICK_RUNGS: list[Settings] = [{**FINE, "ball.substep": 1e-4, "dt": dt} for dt in (0.001, 5e-4)]
-"""The reference, H27 on fine meshes, edges as 1/2 to 1/3, and small steps; and one that takes seconds."""
-
-
-def plan(*, quick: bool) -> Plan:
-    """Return the study; `quick`: few points, against a coarser reference."""
-    two = ("implicit_euler", "tr_bdf2")
-    points = (
-        grid(DEFAULT, mesh__level=(1,), inertia__scheme=two, dt=(0.005,))
-        if quick
-        else [
-            *grid(DEFAULT, mesh__level=(1, 2, 3), inertia__scheme=two, dt=(0.005, 0.0025, 0.001, 0.0005)),
-            *grid(
-                {**DEFAULT, "mesh.element": "h20", "inertia.scheme": "tr_bdf2"},
-                mesh__level=(1, 2),
-                dt=(0.0025, 0.001),
-            ),
-            *grid(DEFAULT, inertia__scheme=("bdf2",), dt=(0.005, 0.0025, 0.001, 0.0005)),
-            *grid(DEFAULT, inertia__scheme=("tr_bdf2",), dt=(0.001,), ball__substep=(1e-3, 5e-5, 1e-5)),
-            *grid(DEFAULT, inertia__scheme=two, dt=(0.005, 0.001), solver__mode=("one_solve",)),
-        ]
-    )
-    return Plan(
-        name="maze",
-        title="The ball in the maze, from the tilt of the plate to its first bounce",
-        module=__name__,
-        version=2,
-        default=DEFAULT,
-        points=points_of(DEFAULT, points),
-        quantities=(
-            Quantity("path", "m", "the ball's centre in the plate's frame until its first bounce"),
-            Quantity("bounce", "s", "time of the first bounce", scale="largest"),
-            Quantity("place", "m", "the ball's centre in world at the first bounce", scale="largest"),
-        ),
-        references=(always(QUICK_RUNGS if quick else RUNGS),),
-        quick=quick,
-    )
 
 
 def command(at: float) -> FloatArray:

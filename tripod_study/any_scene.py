@@ -10,33 +10,25 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
-
-from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import SCHEMES, bdf2, implicit_euler, tr_bdf2
-from tripod_sim.mesh.described import described_mesh, element_of
+from tripod_sim.mesh.described import element_of
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
 from tripod_sim.scene_short import contact_of, effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
+from tripod_study import watch
 from tripod_study.accuracy.studied import studied
-from tripod_study.motion import Watch, motion, scene_of
+from tripod_study.motion import scene_of
 from tripod_study.plan import Plan, Point, Quantity, Settings, Value, always, grid, points_of
-from tripod_study.task import Measured
+from tripod_study.watch import is_soft
 
-FILE, STATE, INTERVAL, SAMPLES = "scene.file", "scene.state", "watch.interval", "watch.samples"
-"""What a task is told besides fields: the scene, a digest of its files, and when it is looked at [s]."""
-
-LOOKS, PROBES = 20, 200
-"""Instants at which a motion is looked at, and nodes of a body, at most."""
+LOOKS = 20
+"""Instants at which a motion is looked at."""
 
 LONGEST = 1e4
 """Of a motion [s]."""
@@ -134,12 +126,6 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
     samples = max(1, round(duration / interval))
     base["duration"] = interval * samples
     rungs = _rungs(tries, default, interval * samples, quick=quick)
-    given: dict[str, Value] = {
-        FILE: _place(subject.scene),
-        STATE: _state(subject.scene),
-        INTERVAL: interval,
-        SAMPLES: samples,
-    }
     left_out = _left_out(made, default, rungs[-1])
     quantities = _quantities(made, interval * samples, LEFT_OUT if left_out else "")
     shorter = (
@@ -151,7 +137,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         name=UNSAFE.sub("_", made.name)[:60] + ("" if len(base) == 1 else f"_{_digest(base)}"),
         title=f"{made.name}: {made.description or 'a scene of its own'}",
         scene=made.name,
-        module=__name__,
+        module=watch.__name__,
         version=1,
         base=base,
         default=default,
@@ -164,34 +150,15 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         order_quantity=quantities[0].name,
         limit=LIMIT,
         note=note,
-        given=given,
+        given=watch.given(
+            _place(subject.scene),
+            {q.name: [q.name, "with_start"] for q in quantities},  # of one static step, too, how far it goes
+            duration=interval * samples,
+            interval=interval,
+            state=_state(subject.scene),
+        ),
         studied=studied(load_scene(subject.scene), default),
     )  # fmt: skip
-
-
-def task(settings: Settings) -> Measured:
-    """Run the motion; cost: CPU time of a simulated second."""
-    fields = {k: v for k, v in settings.items() if k not in (FILE, STATE, INTERVAL, SAMPLES)}
-    source, interval = str(settings[FILE]), float(settings[INTERVAL])
-    scene = scene_of(source, fields)
-    script = script_of(scene)
-
-    first: dict[str, list[float]] = {}
-
-    def watch(simulation: Simulation) -> Watch:
-        probes = _probes(simulation, source, json.dumps(fields))
-        first.update(
-            _seen(simulation, probes)
-        )  # how far it goes is counted from the start, in one static step, too
-        return lambda: _seen(simulation, probes)
-
-    command = None
-    joints = joints_of(scene)
-    if joints and script:
-        command = partial(script.joints, joints.start)
-    measured = motion(script.started(scene), interval * int(settings[SAMPLES]), interval, watch, command)
-    measured.observed = {name: [first[name], *rows] for name, rows in measured.observed.items()}
-    return measured
 
 
 # what is looked at ----------------------------------------------------------------------------------------------------
@@ -214,7 +181,7 @@ def _quantities(scene: Scene, duration: float, left_out: str = "") -> tuple[Quan
         found.append(Quantity("effector", "m", f"position of the effector, {worst}{left_out}"))
     if scene.ball:
         found.append(Quantity("ball", "m", f"position of the ball, {worst}{left_out}"))
-    if _soft(scene):
+    if is_soft(scene):
         what = f"positions of the body's nodes, root mean square, {worst}{left_out}"
         found.append(Quantity("body", "m", what, measure="rms"))
     if scene.rigid:
@@ -228,51 +195,6 @@ def _left_out(scene: Scene, default: Settings, finest: Settings) -> str:
     if any(body.mesh for body in scene.body):
         return BODIES
     return MESHES if scene.mesh and finest["mesh.refine"] == default["mesh.refine"] else ""
-
-
-def _seen(simulation: Simulation, probes: NDArray[np.int64]) -> dict[str, list[float]]:
-    """Return what `_quantities` compares."""
-    scene = simulation.scene
-    places = zip(scene.marker, simulation.markers, strict=True)
-    found: dict[str, list[float]] = {f"marker {m.set}": place.tolist() for m, place in places}
-    if simulation.effector:
-        found["effector"] = simulation.effector.position.tolist()
-    if scene.ball and simulation.ball:
-        found["ball"] = simulation.ball.position.tolist()
-    if _soft(scene):
-        found["body"] = simulation.positions[probes].ravel().tolist()
-    if scene.rigid:
-        found["rigid"] = [float(c) for pose in simulation.rigid for c in pose.position]
-    return found
-
-
-def _probes(simulation: Simulation, source: str, fields: str) -> NDArray[np.int64]:
-    """Return the nodes that stand for the body: those that its mesh has however it is refined."""
-    scene = simulation.scene
-    nodes = simulation.mesh.nodes
-    if not scene.mesh:
-        count = len(nodes) if _soft(scene) else 0
-        return np.unique(np.linspace(0, count - 1, min(count, PROBES)).round().astype(np.int64))
-    places = _corners(source, fields)
-    distance, found = cKDTree(nodes).query(places)
-    if distance.max() > 1e-6 * np.ptp(places, axis=0).max():
-        raise SceneError(
-            "the mesh does not contain the nodes of the coarsest one, so their motions cannot be "
-            "compared; use meshes that refine each other"
-        )
-    return np.asarray(found, dtype=np.int64)
-
-
-@cache
-def _corners(source: str, fields: str) -> FloatArray:
-    """Return corners of the scene's mesh as it is [m], shape (k, 3)."""
-    own = {k: v for k, v in json.loads(fields).items() if k not in ("mesh.element", "mesh.refine")}
-    described = scene_of(source, own).mesh
-    assert described
-    mesh = described_mesh(described)
-    corners = np.unique(np.concatenate([e[:, : kind.corners].ravel() for kind, e in mesh.blocks]))
-    some = np.unique(np.linspace(0, len(corners) - 1, min(len(corners), PROBES)).round().astype(np.int64))
-    return np.asarray(mesh.nodes[corners[some]])
 
 
 # what is run ----------------------------------------------------------------------------------------------------------
@@ -313,7 +235,7 @@ def _default(scene: Scene) -> dict[str, Value]:
         scheme = scene.inertia.integrator
         found["inertia.scheme"] = (implicit_euler.SCHEME if scheme.is_automatic else scheme).name
     found["dt"] = scene.dt
-    if _soft(scene):
+    if is_soft(scene):
         found["solver.mode"] = scene.solver.mode
     return found
 
@@ -397,11 +319,6 @@ def _check_moves(scene: Scene, *, moved: bool) -> None:
             f"scene {scene.name!r} starts at rest and no servo moves, so there is nothing to study; give "
             "a motion with --servo, or [motion] in the scene"
         )
-
-
-def _soft(scene: Scene) -> bool:
-    """Return whether a scene has a soft body."""
-    return bool(scene.mesh or scene.springs or scene.body)
 
 
 # names ----------------------------------------------------------------------------------------------------------------

@@ -1,1 +1,0 @@
-"""Studies of accuracy: one module each, with `plan(quick=...)` and `task(settings)`."""

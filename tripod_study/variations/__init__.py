@@ -1,0 +1,1 @@
+"""Tables of the course report's variations: one module each, with `report(full=...)`."""
