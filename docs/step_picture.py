@@ -18,7 +18,7 @@ ROOMS = (
 )
 """Title, what is in it, and names of the code that does it, below `tripod_sim` if no package is named."""
 
-WIDTH, HEIGHT, GAP, ACROSS = 232, 92, 34, 3
+WIDTH, HEIGHT, GAP, ACROSS = 256, 92, 34, 3
 
 LOOP = (4, 7)
 """The first and last room that every step passes."""
