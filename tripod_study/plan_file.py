@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 from tripod_sim.errors import SceneError
-from tripod_study import watch
 from tripod_study.plan import Knob, Plan, Point, Quantity, Reference, Settings, points_of
 
 TABLES = ("motion", "rows", "base", "default", "settings", "points", "quantity", "reference", "knob", "quick")
@@ -68,6 +67,8 @@ def _plan(name: str, read: Mapping[str, Any], *, quick: bool) -> Plan:
         words["draft"] = known[words["draft"]]
     given = {}
     if "motion" in read:
+        from tripod_study import watch  # noqa: PLC0415 - heavy
+
         words.setdefault("module", watch.__name__)
         given = watch.given(read["scene"], read["rows"], **read["motion"])
     return Plan(
