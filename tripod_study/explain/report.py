@@ -14,7 +14,6 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.costs import FEWEST, PATIENCE, Cost, cost, from_itself
-from tripod_study.explain.loops import kernel_stages
 from tripod_study.explain.memory import Size, memory, size
 from tripod_study.explain.sampling import ROUNDS, Sampler, StepTimes, estimate, steps_ahead
 from tripod_study.explain.stages import LOOP, OTHER, time_stages
@@ -172,8 +171,10 @@ def _stages(sampler: Sampler) -> tuple[StepTimes, tuple[Stage, ...], float, floa
     ]
     looped = None
     if LOOP in watch.stages:
-        looped = sampler.looped()
-        found += _kernels(sampler, float(seconds[watch.stages.index(LOOP)]), looped)
+        loop, looped = float(seconds[watch.stages.index(LOOP)]), sampler.looped()
+        found.append(Stage(LOOP, loop if looped is None else looped))
+        if looped is not None:
+            found.append(Stage(f"{LOOP}: its call for one step", loop - looped))
     found.sort(key=lambda s: -s.seconds)
     found.append(Stage(OTHER, step.mean - sum(s.seconds for s in found)))
     return step, tuple(found), timed, looped
@@ -185,14 +186,3 @@ def _in_place(added: float, alone: float) -> float:
     Alone, everything it touches is at hand; more than three times as much is no cost of timing.
     """
     return float(np.clip(added / alone, 1.0, 3.0)) if alone > 0 else 1.0
-
-
-def _kernels(sampler: Sampler, loop: float, looped: float | None) -> list[Stage]:
-    """Return the stages of a compiled loop that takes `loop` [s] a step if called for each, `looped` if for many."""
-    work = sampler.work()
-    kernels = kernel_stages(sampler.simulation, work, sampler.count)
-    found = [Stage(name, t) for name, t in kernels.items() if t]
-    if looped is None:
-        return [*found, Stage(f"{LOOP}: the rest", loop - sum(kernels.values()))]
-    rest = Stage(f"{LOOP}: the rest", looped - sum(kernels.values()))
-    return [*found, rest, Stage(f"{LOOP}: its call for one step", loop - looped)]

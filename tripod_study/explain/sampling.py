@@ -13,7 +13,6 @@ from time import perf_counter, thread_time
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.report import StepReport
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.stopwatch import Stopwatch
 
@@ -123,15 +122,6 @@ class Sampler:
         watch.clear()
         taken = self.one_pass(between)
         return taken, np.array(times[1:]), np.array(costs[1:]), calls  # the first is of the step before
-
-    def work(self) -> StepReport:
-        """Return what the steps of a pass take together."""
-        total = StepReport()
-        self._begin()
-        for _ in range(self.count):
-            self._step()
-            total = self.simulation.report.after(total)
-        return total
 
     def looped(self) -> float | None:
         """Return what a step takes when a pass is one call [s]; None where the steps are no compiled loop."""
