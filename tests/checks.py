@@ -8,6 +8,7 @@ import pytest
 from tripod_host.arrays import FloatArray
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_sim import Simulation, StepError
+from tripod_sim.integrators.integrator import Integrator
 
 
 def random_rotation(rng: np.random.Generator) -> FloatArray:
@@ -104,7 +105,8 @@ def assert_failing_leaves_the_state(
     def fail(state: object, joints: object, dt: float) -> None:
         raise StepError("no way")
 
-    monkeypatch.setattr(stepper, "step", fail)
+    for name in ("advance", "advance_truncated") if isinstance(stepper, Integrator) else ("step",):
+        monkeypatch.setattr(stepper, name, fail)
     before = simulation.save()[0]
     with pytest.raises(StepError, match="no way"):
         simulation.step()

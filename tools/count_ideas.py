@@ -138,7 +138,7 @@ def scheme_names(found: Trees) -> list[str]:
 IDEAS = {
     "systems": Idea(1, 2, systems),
     "descents": Idea(1, 2, descents),
-    "roll-backs": Idea(1, 5, roll_backs),
+    "roll-backs": Idea(1, 4, roll_backs),
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 0, circles),
     "types": Idea(0, 15, types),

@@ -1,14 +1,40 @@
 """Boxes, balls and plates for the tests of contact."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from tests.sim.implicit_schemes import scheme_of
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
+from tripod_sim.contact.stepper import contact_steps
+from tripod_sim.integrators.report import ContactReport
+from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.mesh.surfaces import Part
+from tripod_sim.rigid_state import RigidState
+from tripod_sim.state import State
 
 G = 9.81
+
+_LOOPS = WeakKeyDictionary[ContactSolver, tuple[Substeps, State]]()
+
+
+def step(world: ContactSolver, h: float) -> ContactReport:
+    """Advance the rigid bodies of `world` by `h` [s] from where they are now."""
+    bodies = world.rigid
+    assert bodies
+    if world not in _LOOPS:
+        state = State.of_nodes(np.zeros((0, 3)), np.zeros(1))
+        arrays = bodies.centre, bodies.rotation, bodies.velocity, bodies.spin
+        state.rigid = RigidState(*(np.zeros_like(a) for a in arrays))
+        _LOOPS[world] = contact_steps(world), state
+    steps, state = _LOOPS[world]
+    assert state.rigid
+    bodies.store(state.rigid)
+    report = steps.step(state, state.joints.copy(), h).contact
+    assert report
+    return report
 
 
 def box(edges: np.ndarray | list[float]) -> Part:

@@ -9,6 +9,7 @@ from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.scene_file import scene_from_toml, scene_to_toml
 from tripod_sim.tables.bodies import Tie
 
@@ -42,14 +43,14 @@ tolerance = 1e-9
 
 def pressed(simulation: Simulation) -> np.ndarray:
     """Sum of the contact forces on each soft body [N], shape (b, 3)."""
-    world = simulation._stepper.world  # type: ignore[attr-defined]
+    world = integrator_of(simulation._stepper).world
     parts = world.surfaces.body[: len(world.forces())]
     return np.array([world.forces()[parts == k].sum(axis=0) for k in range(world.soft)])
 
 
 def assert_nothing_passes(simulation: Simulation) -> None:
     """No edge of a soft body reaches through a triangle of another."""
-    world = simulation._stepper.world  # type: ignore[attr-defined]
+    world = integrator_of(simulation._stepper).world
     x, s = world.positions_now(), world.surfaces
     for k in range(world.soft):
         for j in range(world.soft):

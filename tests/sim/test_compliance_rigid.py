@@ -14,6 +14,7 @@ from tripod_sim.contact.rest import rest_of
 from tripod_sim.contact.rest_bodies import loose
 from tripod_sim.contact.rest_rows import Rest
 from tripod_sim.contact.stepper import ContactStepper
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.response import Holding, Response, held_response
 from tripod_sim.system import System
 
@@ -41,7 +42,7 @@ Bridge = tuple[Simulation, ContactSolver, System, Rest]
 def bridged(lying: Simulation) -> Iterator[Bridge]:
     """Its contacts with weights and normals as they are exactly there, not where the step found them; and their system,
     with the levers of that state."""
-    stepper, system = lying._stepper, lying._static.system
+    stepper, system = integrator_of(lying._stepper), lying._static.system
     assert isinstance(stepper, ContactStepper)
     assert isinstance(system, System)
     c, x = stepper.world.contacts.arrays, stepper.world.positions_now()

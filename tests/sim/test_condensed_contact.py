@@ -8,6 +8,7 @@ from tripod_sim import Simulation, load_scene
 from tripod_sim.contact import condensed_contact_kernels
 from tripod_sim.contact.contact_set import allocate
 from tripod_sim.contact.stepper import ContactStepper
+from tripod_sim.integrators.stepper import integrator_of
 
 AIM = 1e-9
 
@@ -101,7 +102,7 @@ def test_the_end_is_that_of_factorisations_with_the_contacts_in_them(
 ) -> None:
     scene_words = [*words, "contact.tolerance=1e-6", "contact.max_solves=200"]
     few, many = Simulation(load_scene(scene, scene_words)), Simulation(load_scene(scene, scene_words))
-    stepper = many._stepper
+    stepper = integrator_of(many._stepper)
     assert isinstance(stepper, ContactStepper)
     stepper.world.response._condensed = None
     ways, moved = list[str](), few.positions.copy()
@@ -152,7 +153,7 @@ def test_turns_count_by_what_they_move_points_by() -> None:
     simulation = Simulation(
         load_scene("tripod", ["contact={contact_distance=5e-4, alarm_distance=1.5e-3}", ball])
     )
-    stepper = simulation._stepper
+    stepper = integrator_of(simulation._stepper)
     assert isinstance(stepper, ContactStepper)
     problem = stepper.world.problem
     turn = np.zeros(problem.unknowns)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.checks import random_rotation
-from tests.sim.contact_bodies import balls
+from tests.sim.contact_bodies import balls, step
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import LEAST, Detector
 from tripod_sim.contact.response import Law
@@ -23,7 +23,7 @@ def test_a_ball_hands_its_motion_to_another(response: str, speed: float) -> None
     assert world.rigid
     world.rigid.velocity[0] = [speed, 0, 0]
     for _ in range(max(8, int(0.4 / speed / 0.01))):
-        world.step(0.01)
+        step(world, 0.01)
         assert world.rigid.centre[1, 0] - world.rigid.centre[0, 0] >= 2 * RADIUS
     np.testing.assert_allclose(world.rigid.velocity[:, 0], [0, speed], atol=1e-6 * speed)
     np.testing.assert_allclose(world.rigid.velocity[:, 1:], 0, atol=1e-9 * speed)
@@ -35,7 +35,7 @@ def test_a_glancing_hit_turns_balls_as_friction_says_and_keeps_momentum(response
     assert world.rigid
     world.rigid.velocity[0] = [2.0, 0, 0]
     for _ in range(20):
-        world.step(0.01)
+        step(world, 0.01)
         gap = np.linalg.norm(world.rigid.centre[1] - world.rigid.centre[0]) - 2 * RADIUS
         assert gap > 0
     rigid = world.rigid
@@ -54,7 +54,7 @@ def test_a_ball_does_not_pass_a_fixed_one(response: str) -> None:
     assert world.rigid
     world.rigid.velocity[0] = [50.0, 0, 0]
     for _ in range(5):
-        world.step(0.01)
+        step(world, 0.01)
         assert np.linalg.norm(world.rigid.centre[0] - [0.3, 0.001, 0]) > 2 * RADIUS
     assert 0.15 < world.rigid.centre[0, 0] < 0.25  # before the other, not beyond it
 
@@ -67,7 +67,7 @@ def test_balls_of_equal_centres_part_slowly(response: str, still: int) -> None:
     before = world.positions_now().copy()
     speed = world.SOFT_PART_SPEED if response == "penalty" else world.PART_SPEED
     for _ in range(60 if response == "penalty" else 300):
-        world.step(0.01)
+        step(world, 0.01)
         now = world.positions_now().copy()
         assert np.isfinite(now).all()
         assert np.linalg.norm(now - before, axis=1).max() < 0.01 * speed * 2

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.checks import random_rotation
-from tests.sim.contact_bodies import G, ball_on, plate
+from tests.sim.contact_bodies import G, ball_on, plate, step
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.detection import LEAST, Detector
@@ -118,7 +118,7 @@ def test_ball_whose_centre_lies_on_the_plate_is_parted_slowly() -> None:
     world = ball_on(plate(), Law(distance=DISTANCE), [0.0, 0.0, 0.0])  # on the diagonal edge, too
     highest = 0.0
     for _ in range(200):
-        report = world.step(0.01)
+        report = step(world, 0.01)
         assert world.rigid
         assert np.isfinite(world.positions_now()).all()
         highest = max(highest, float(world.rigid.centre[0, 2]))

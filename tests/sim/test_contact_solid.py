@@ -17,6 +17,7 @@ from tripod_sim.contact.solid_build import surfaces
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.integrators.scheme import euler_stage
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.surfaces import Part
@@ -40,7 +41,7 @@ def refused(scene: str, *overrides: str) -> str:
 
 def contact_force(simulation: Simulation) -> np.ndarray:
     """Return the sum of the contact forces on the solid [N]."""
-    stepper = simulation._stepper
+    stepper = integrator_of(simulation._stepper)
     assert isinstance(stepper, ContactStepper)
     assert stepper.world.nodes
     return stepper.world.forces()[: len(stepper.world.nodes.base)].sum(axis=0)
@@ -181,7 +182,7 @@ def test_reset_and_repetition_give_the_same_bits() -> None:
 def test_gradient_and_potential_agree_with_a_disc_that_turns() -> None:
     """Also at rotations so large that the derivative of the rotation vector is not that of the rotation."""
     simulation = Simulation(load_scene(SHARP, [*COARSE, *FAR]))
-    stepper = simulation._stepper
+    stepper = integrator_of(simulation._stepper)
     assert isinstance(stepper, ContactStepper)
     solid = stepper.world.nodes
     assert isinstance(solid, SolidNodes)

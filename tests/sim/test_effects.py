@@ -112,7 +112,7 @@ ROWS = {
     ),
     "obstacles": Row(
         ("cloth alone",), "cloth on a sphere", (*CLOTH, "obstacles=off", "contact.self_contact=true"),
-        "len(simulation._stepper.world.positions) - len(simulation.mesh.nodes)",
+        "len(simulation._stepper.integrator.world.positions) - len(simulation.mesh.nodes)",
         ('obstacles=[{source="sphere.obj"}]',),
     ),
     "rigid": Row(

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from tests.checks import random_rotation
 from tests.messages import assert_names
-from tests.sim.contact_bodies import plate
+from tests.sim.contact_bodies import plate, step
 from tests.sim.contact_scenes import refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_build import obstacle_parts, obstacle_shapes
@@ -127,7 +127,7 @@ def test_nothing_passes_through_a_plate_at_speed(name: str) -> None:
     assert world.rigid
     world.rigid.velocity[0], world.rigid.spin[0] = [20.0, 0, -300.0], [50.0, 40.0, -60.0]
     for _ in range(8):
-        world.step(0.01)
+        step(world, 0.01)
         (part,) = parts_of(world, [one])
         assert part.vertices[:, 2].min() > part.radius
 
@@ -155,7 +155,7 @@ def test_a_free_collision_keeps_momentum(name: str, other: str, speed: float) ->
     before, kinetic = angular(), list[float]()
     dt = 0.3 / 10 / speed if speed < 10 else 0.01
     for _ in range(20):
-        world.step(dt)
+        step(world, dt)
         assert not overlaps(*parts_of(world, shapes))
         if rigid.velocity[1].any():
             kinetic.append(energy())
@@ -240,7 +240,7 @@ def test_a_capsule_rolls_down_an_incline_as_exactly_as_a_ball(angle: float) -> N
         )
         speeds = []
         for _ in range(100):
-            world.step(0.005)
+            step(world, 0.005)
             speeds.append(float(bodies.velocity[0, 0]))
         found = (speeds[-1] - speeds[49]) / (50 * 0.005)
         off.append(abs(found / (G * np.sin(angle) / (1 + one.inertia[2, 2] / 0.05**2)) - 1))

@@ -5,6 +5,7 @@ import pytest
 
 from tests.messages import raises_naming
 from tripod_sim.errors import StepError
+from tripod_sim.integrators.integrator import Integrator
 from tripod_sim.integrators.newton import NewtonError, NewtonReport
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.step_control import HalveOnFailure, StepControl, Substep
@@ -12,11 +13,17 @@ from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 
 
-class Drift:
-    """Moves each node by the time that passes, and its history counts; fails where a substep is in `fails`."""
+class Drift(Integrator):
+    """Moves each node by the time that passes, and its history counts; fails where a substep is in `fails`.
+
+    Where `jumps` it asks for a substep with history to be made again without.
+    """
+
+    jumps = False
 
     def __init__(self, *fails: int) -> None:
         self.fails, self.tried, self.history, self.kept = fails, list[float](), 0, 0
+        self.truncated, self._jumped = list[float](), False
 
     def forget(self) -> None:
         self.history = 0
@@ -30,13 +37,21 @@ class Drift:
     def recall_history(self) -> None:
         self.history = self.kept
 
+    def restarts(self) -> bool:
+        return self._jumped
+
+    def advance_truncated(self, state: State, joints: np.ndarray, h: float) -> NewtonReport:
+        self.truncated.append(h)
+        return self.advance(state, joints, h)
+
     def advance(self, state: State, joints: np.ndarray, h: float) -> NewtonReport:
         self.tried.append(h)
         state.positions += h
         state.joints[:] = joints
         if len(self.tried) in self.fails:
             raise NewtonError("on purpose")
-        self.history += 1
+        self._jumped = self.jumps and self.history > 0
+        self.history = 0 if self._jumped else self.history + 1
         return NewtonReport(iterations=2, residual=h)
 
 
@@ -77,10 +92,33 @@ def start() -> State:
 def test_a_failed_substep_is_halved_and_later_ones_grow_again() -> None:
     drift, state = Drift(1, 2), start()
     report = Substeps(drift, HalveOnFailure(4, 100)).step(state, np.array([1.0]), 0.8)
-    np.testing.assert_allclose(drift.tried, [0.8, 0.4, 0.2, 0.4, 0.2])
+    np.testing.assert_allclose(drift.tried, [0.8, 0.4, 0.2, 0.2, 0.4])
     assert (report.parts, report.halvings, report.iterations) == (3, 2, 6)
     np.testing.assert_allclose(state.positions, 0.8)
     assert (state.time, state.step, state.joints[0]) == (1.8, 8, 1.0)
+
+
+@pytest.mark.parametrize("fails", [(1, 2, 3, 6), (2, 4)])
+def test_substeps_nest_and_only_the_shortest_may_be_truncated(fails: tuple[int, ...]) -> None:
+    drift, state = Drift(*fails), start()
+    substeps = Substeps(drift, HalveOnFailure(3))
+    for end in (0.8, 1.6):
+        substeps.step(state, np.array([1.0]), 0.8)
+        np.testing.assert_allclose(state.positions, end)
+    made, done = [h for k, h in enumerate(drift.tried, 1) if k not in fails], 0.0
+    for h in made:
+        assert done / h == pytest.approx(round(done / h)), "begins at a multiple of its length"
+        done += h
+    assert drift.truncated == [h for h in drift.tried if h == pytest.approx(0.1)]
+    assert bool(drift.truncated) == (len(fails) == 4)
+
+
+def test_a_substep_in_which_velocities_jump_is_made_again_from_where_it_began() -> None:
+    drift, state = Drift(), start()
+    drift.jumps = True
+    report = Substeps(drift, Quarters()).step(state, np.array([1.0]), 0.8)
+    assert (report.parts, report.iterations, len(drift.tried)) == (4, 8, 7)
+    np.testing.assert_allclose(state.positions, 0.8)
 
 
 @pytest.mark.parametrize("fails", [1, 3])

@@ -9,6 +9,7 @@ from tripod_host.rotations import rotation_matrix
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
+from tripod_sim.errors import UnsolvedError
 from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
 from tripod_sim.integrators.path_error_control import PathErrorControl, after_hit
@@ -191,14 +192,15 @@ def test_a_part_goes_up_to_a_hit_that_adds_too_much(monkeypatch: pytest.MonkeyPa
     simulation = made("bounce", "contact.restitution=0", "dt=0.02", "dt=auto", "time_error.accuracy=0.001")
     simulation.state.rigid.velocities[0, 0] = 2.0
     parts, awake = list[tuple[float, float, float]](), simulation._stepper.integrator
-    step = awake.step
+    advance = awake.advance
 
     def noted(state: State, joints: np.ndarray, h: float) -> StepReport:
-        report = step(state, joints, h)
-        parts.append((state.time - h, h, report.contact.meets))
+        report = advance(state, joints, h)
+        if not awake.restarts():
+            parts.append((state.time, h, report.contact.meets))
         return report
 
-    monkeypatch.setattr(awake, "step", noted)
+    monkeypatch.setattr(awake, "advance", noted)
     followed(simulation, 0.02, 17)
     begin, length, meets = np.array(parts).T
     first = int(np.flatnonzero(np.isfinite(meets))[0])
@@ -228,11 +230,11 @@ def test_a_step_that_is_taken_back_leaves_what_the_next_looks_back_on(
         for _ in range(3):
             simulation.step()
         if taken_back:
-            stepper.keep_history()
+            stepper.integrator.keep_history()
             state = simulation.state.copy()
             stepper.step(simulation.state, simulation.command, 0.003)
             state.copy_to(simulation.state)
-            getattr(stepper, taken_back)()
+            getattr(stepper.integrator, taken_back)()
         simulation.step()
         return simulation.positions.copy()
 
@@ -314,6 +316,22 @@ def test_a_step_that_fails_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> 
     simulation = made("bounce", "dt=0.01", "dt=auto", "time_error.accuracy=0.05", "time_error.shortest=0.005")
     followed(simulation, 0.01, 5)
     assert_failing_leaves_the_state(simulation, simulation._stepper.integrator, monkeypatch)
+
+
+def test_a_step_of_which_only_the_shortest_substeps_are_solved_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their lengths are rounded: one above the shortest by that counts as it, or the step would never end."""
+    simulation = made("bounce", "dt=0.01", "dt=auto", "time_error.accuracy=0.05", "time_error.shortest=0.005")
+    tried = [0]
+
+    def fail(*_: object) -> None:
+        tried[0] += 1
+        assert tried[0] < 10000, "it goes on for ever"
+        raise UnsolvedError("on purpose")
+
+    monkeypatch.setattr(simulation._stepper.integrator, "advance", fail)
+    followed(simulation, 0.01, 5)
+    assert simulation.state.time == pytest.approx(0.05)
+    assert tried[0] > 100
 
 
 def test_fixed_steps_follow_no_accuracy() -> None:

@@ -36,12 +36,6 @@ class Body:
         """Whether the Hessian of a step may serve in the next."""
         return True
 
-    def keep(self) -> None:
-        """Remember the present state, for `recall`."""
-
-    def recall(self) -> None:
-        """Return to what `keep` remembered."""
-
     def past(self) -> tuple[FloatArray, ...]:
         """Return the arrays that the next stage may look back on."""
         return ()

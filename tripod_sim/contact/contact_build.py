@@ -10,8 +10,10 @@ from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
-from tripod_sim.contact.stepper import ContactStepper
+from tripod_sim.contact.stepper import contact_steps
 from tripod_sim.integrators.schemes import implicit_euler
+from tripod_sim.integrators.step_control import Increments
+from tripod_sim.integrators.stepper import Stepper
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.model import Model
 from tripod_sim.shapes import Shape, shape_of
@@ -61,7 +63,7 @@ def touching(
     placed: list[tuple[str, Part]],
     mesh: Any,
     skin: Any,
-) -> "tuple[Any, Any, RigidSet | None, ContactStepper]":
+) -> "tuple[Any, Any, RigidSet | None, Stepper]":
     """Return mesh and skin with the rigid bodies of a model, these, and what advances all bodies among the obstacles.
 
     Args:
@@ -100,7 +102,7 @@ def _servo_bodies(model: Model) -> "ServoBodies | None":
 
 def contact_stepper(
     model: Model, contact: Contact, soft: tuple[Nodes, list[Part]] | None, rigid: "RigidSet | None" = None
-) -> ContactStepper:
+) -> Stepper:
     """Return what advances soft bodies and rigid ones, as far as there are any, among the obstacles of a model."""
     tolerance, most = contact.tolerance, contact.max_solves
     if model.time_error and model.time_error.accuracy:
@@ -116,8 +118,9 @@ def contact_stepper(
         obstacles=obstacle_parts(model.obstacles), nodes=soft, rigid=bodies, kinematic=_servo_bodies(model),
     )  # fmt: skip
     if model.scheme:
-        return ContactStepper(world)
-    from tripod_sim.contact.statics import ContactStatics  # noqa: PLC0415 - only where nothing moves
+        return contact_steps(world)
+    from tripod_sim.contact.statics import static_contact_steps  # noqa: PLC0415 - only where nothing moves
 
     servos = model.joints.count if model.joints else 0
-    return ContactStatics(world, model.solver.tolerance, model.solver.max_turn, model.reach, servos)
+    increments = Increments(servos, model.solver.max_turn, model.reach)
+    return static_contact_steps(world, model.solver.tolerance, increments)

@@ -4,13 +4,13 @@
    forces hold comes less far than it would, and is met then by what only seemed to miss it.
 2. Response: the minimum of the step's potential with these contacts, roughly at first.
 3. Continuous detection over the moves found: what comes too close on the way is added and the response repeated, so
-   that nothing passes through anything, at last to its tolerance. Where that does not end the step is halved, at last
-   cut short before the hit.
+   that nothing passes through anything, at last to its tolerance. Where that does not end the step fails, and the loop
+   of `integrators.substeps` halves it; the shortest substep is truncated before the hit.
 
 A hit is a jump of the velocity, over which no scheme may look back: bodies would bounce off by what it remembers. So a
 step of a multistep scheme in which something hits is one of implicit Euler, as is the next one, which has nothing to
-look back on. Where moves without forces show the hit, the scheme's own stages are not even tried. Parts of a step are
-steps of implicit Euler, too.
+look back on. Where moves without forces show the hit, the scheme's own stages are not even tried. What replaces a step
+that failed is made of steps of implicit Euler, too.
 """
 
 from itertools import pairwise
@@ -57,7 +57,7 @@ class ContactSolver:
         some_held: Whether something on the surfaces does not yield along some axis.
     """
 
-    MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 4
+    MOST_PASSES, MOST_RAISES = 8, 4
 
     PART_SPEED, SOFT_PART_SPEED = 0.05, 0.5
     """At which bodies that begin too close are parted [m/s]: they keep it, so it is hardly a bounce. It is more with
@@ -170,6 +170,10 @@ class ContactSolver:
         self.contacts.count, self._before = 0, 0.0
         self.problem.forget()
 
+    def drop_history(self) -> None:
+        """Let the next step look back on nothing."""
+        self._before = 0.0
+
     def owners(self) -> tuple[IndexArray, IndexArray]:
         """Return the node and the rigid body of each surface vertex, -1 for none, both of shape (n,)."""
         row, body = np.full((2, len(self.positions)), -1, dtype=np.int64)
@@ -229,22 +233,40 @@ class ContactSolver:
                 array[:left] = array[:count][yields]
             self.contacts.count = left
 
-    def step(self, h: float) -> ContactReport:
-        """Advance all bodies by `h` [s]. Raises DescentError and leaves them."""
-        report = ContactReport()
-        smooth = self._before > 0.0 and self._look_back(h, report)
-        if not smooth:
-            report.restarted = self._looks_back
-            smooth = self._advance(h, report, 0)
+    def step(self, h: float, report: ContactReport, *, truncates: bool = False) -> bool:
+        """Advance all bodies by `h` [s], by the scheme's own stages if these may look back, else by implicit Euler.
+
+        Args:
+            h: Length of the step [s].
+            report: What it takes is added to this.
+            truncates: Whether the moves end before something would pass through something else; else that fails.
+
+        Returns:
+            Whether it is done; if not, the scheme's own stages are not smooth, and the step is to be made again.
+
+        Raises:
+            DescentError: something would pass through, or the forces are not found.
+        """
+        report.meets = np.inf
+        if not self._before:
+            smooth = self._begin_anew(h, report, truncates=truncates)
+        else:
+            smooth = self._look_back(h, report)
+            if not smooth:
+                self._before = 0.0
+                return False
         self._before = h if smooth else 0.0
         self._tell(report)
-        return report
+        return True
 
     def creep(self, stage: Stage, report: ContactReport) -> float:
-        """Make a stage from rest to rest; return what it leaves to inertia [N], infinite where it cannot be made."""
+        """Make a stage from rest to rest; return what it leaves to inertia [N], infinite where something would pass.
+
+        Raises DescentError.
+        """
         u = self._u
         self._begin(stage, stage.s)
-        if self._move(stage, report, 0) < 1.0:
+        if self._respond(u, stage, report) < 1.0:
             return np.inf
         inverse = inverse_masses(self._bodies, self.problem.slices)
         give = np.diagonal(inverse, axis1=1, axis2=2).ravel()
@@ -264,31 +286,30 @@ class ContactSolver:
         report.force = float(pressure.sum())
 
     def _look_back(self, h: float, report: ContactReport) -> bool:
-        """Advance by the scheme's own stages; return False, the bodies where they were, where that is not smooth."""
+        """Advance by the scheme's own stages; return False, the bodies in between, where that is not smooth."""
         u = self._u
-        for body in self._bodies:
-            body.keep()
-        for stage in self._scheme.stages(h, self._before):
-            if self._begin(stage, h) < 1.0 or self._move(stage, report, 0) < 1.0 or self._hits(u, h):
-                for body in self._bodies:
-                    body.recall()
-                return False
-            self._finish(u)
+        try:
+            for stage in self._scheme.stages(h, self._before):
+                if self._begin(stage, h) < 1.0 or self._respond(u, stage, report) < 1.0 or self._hits(u, h):
+                    return False
+                self._finish(u)
+        except DescentError:
+            return False
         report.parts += 1
         return True
 
-    def _advance(self, h: float, report: ContactReport, depth: int) -> bool:
-        """Advance by implicit Euler, halved where needed; return whether the scheme may look back on that."""
+    def _begin_anew(self, h: float, report: ContactReport, *, truncates: bool) -> bool:
+        """Advance by implicit Euler; return whether the scheme may look back on that."""
         u, stage = self._u, self._scheme.start(h)
-        met = self._begin(stage, h)
-        report.meets = report.meets if depth else met
-        share = self._move(stage, report, depth)
-        if share < 1.0 and depth < self.MOST_HALVINGS:
-            self._advance(h / 2, report, depth + 1)
-            self._advance(h / 2, report, depth + 1)
-            return False
+        report.restarted = self._looks_back
+        report.meets = self._begin(stage, h)
+        share = self._respond(u, stage, report, patient=truncates)
         if share < 1.0:
-            self._cut(u, share)
+            if not truncates:
+                raise DescentError(
+                    f"after {max(share, 0.0):.0%} of it something would pass through something else"
+                )
+            self._truncate(u, share)
             report.cut = max(report.cut, 1.0 - share)
         report.parts += 1
         smooth = self._looks_back and share >= 1.0 and not self._hits(u, h)
@@ -325,15 +346,6 @@ class ContactSolver:
         if c.count and not stage.begins:
             kernels.set_drift(c.arrays, c.count, self._u - stage.s * self._rates_at_end(self._u))
         self.problem.renew()
-
-    def _move(self, stage: Stage, report: ContactReport, depth: int) -> float:
-        """Let forces change the moves; return 1, or the share until which nothing is passed, -1 for none."""
-        try:
-            return self._respond(self._u, stage, report, depth)
-        except DescentError:
-            if depth >= self.MOST_HALVINGS:
-                raise
-            return -1.0
 
     def _hits(self, u: FloatArray, h: float) -> bool:
         """Return whether a scheme may not look back on the moves `u` in a step of `h` [s], of a stage that was begun.
@@ -378,8 +390,11 @@ class ContactSolver:
             self.detector.met(self.positions, self._ends, c, share=self.detector.alarm / self.law.distance)
         inherit(kept.arrays, kept.count, c.arrays, c.count)
 
-    def _respond(self, u: FloatArray, stage: Stage, report: ContactReport, depth: int) -> float:
-        """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
+    def _respond(self, u: FloatArray, stage: Stage, report: ContactReport, *, patient: bool = False) -> float:
+        """Let forces change the moves `u`; return 1, or the fraction of them until which nothing is passed.
+
+        Unless `patient`, forces that are far off are not sought again: a shorter step finds them sooner.
+        """
         c, share, rough = self.contacts, 0.0, True
         for number in range(self.MOST_PASSES):
             if number and share < 1.0:
@@ -393,7 +408,7 @@ class ContactSolver:
                     return 1.0
                 rough = False  # when it is clear what touches, the forces are worth being found exactly
                 continue
-            if not rough and outcome.smallest < -self.law.distance and depth < self.MOST_HALVINGS:
+            if not (rough or patient) and outcome.smallest < -self.law.distance:
                 return share  # not solved: once more would not help, a shorter step does
             report.met += c.count - before
         return share
@@ -423,7 +438,7 @@ class ContactSolver:
             bounded.forget()
         raise DescentError(f"strain_limit cannot be kept: {why}; set a larger one, or hold fewer nodes")
 
-    def _cut(self, u: FloatArray, share: float) -> None:
+    def _truncate(self, u: FloatArray, share: float) -> None:
         """Shorten the moves `u` until nothing is passed. Raises DescentError where that is not due to these."""
         scale = 0.9 * share
         while True:

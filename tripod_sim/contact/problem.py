@@ -13,12 +13,13 @@ from tripod_sim.contact import response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.joint_hessian import JointHessian
+from tripod_sim.errors import UnsolvedError
 from tripod_sim.integrators.minimise import Descent, minimise
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.system_kernels import dot
 
 
-class DescentError(RuntimeError):
+class DescentError(UnsolvedError):
     """No lower potential was found, or a number is not finite."""
 
 

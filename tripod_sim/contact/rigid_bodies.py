@@ -52,7 +52,6 @@ class RigidBodies(Body):
         self._history = History((b, 6), slice(0, b))
         self._curve = np.zeros((b, 6))  # b of positions and turns
         self._untouched = np.zeros((b, 3))  # spin after the stage of a body that nothing touches
-        self._kept: RigidState | None = None
         rows = np.concatenate([np.arange(6 * k, 6 * k + j + 1) for k in range(b) for j in range(6)])
         indptr = np.concatenate([[0], np.cumsum(np.tile(np.arange(1, 7), b))])
         self.pattern = sparse.csc_matrix((np.ones(len(rows)), rows, indptr), shape=(6 * b, 6 * b))
@@ -67,15 +66,6 @@ class RigidBodies(Body):
         """Write where the bodies are now to `state`."""
         state.centres[:], state.rotations[:] = self.centre, self.rotation
         state.velocities[:], state.spins[:] = self.velocity, self.spin
-
-    def keep(self) -> None:
-        """Remember poses and velocities."""
-        self._kept = RigidState(*(a.copy() for a in (self.centre, self.rotation, self.velocity, self.spin)))
-
-    def recall(self) -> None:
-        """Return to them."""
-        assert self._kept
-        self.load(self._kept)
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""

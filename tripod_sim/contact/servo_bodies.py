@@ -45,7 +45,7 @@ class ServoBodies(Body):
         )
         self.reach = np.ones(self.unknowns)
         self._slide, self._left, self._goal, self._rate, self._length = slide, 0.0, slide, 0.0, 0.0
-        self._kept, self._next, self._way = (slide, 0.0), (slide, 0.0), np.zeros(self.unknowns)
+        self._next, self._way = (slide, 0.0), np.zeros(self.unknowns)
 
     def load(self, state: State, joints: FloatArray, dt: float) -> None:
         """Begin a step of `dt` [s] from `state`, in which servos go to `joints`, shape (s + 1,) or longer."""
@@ -68,14 +68,6 @@ class ServoBodies(Body):
     def ends(self, u: FloatArray, positions: FloatArray) -> None:
         """Move vertices [m], shape (8 s, 3), from the start of the stage to its end."""
         positions += np.repeat(u.reshape(-1, 3), 8, axis=0)
-
-    def keep(self) -> None:
-        """Remember the slide."""
-        self._kept = self._slide, self._left
-
-    def recall(self) -> None:
-        """Return to it."""
-        self._slide, self._left = self._kept
 
     def begin(self, stage: Stage) -> None:
         """Prepare a stage."""

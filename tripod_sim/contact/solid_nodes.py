@@ -106,7 +106,6 @@ class SolidNodes(Nodes):
         self._left, self._now_at = 1.0, Stage(1.0, 1.0)
         self._history: History | None = None
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
-        self._kept: tuple[State, float] | None = None
         self._projected = False
         self._along, self._answers = (
             system.another_linear(),
@@ -176,17 +175,6 @@ class SolidNodes(Nodes):
 
     def anew(self) -> None:
         """Drop what is known of the potential at some moves."""
-        self._at[:] = np.nan
-
-    def keep(self) -> None:
-        """Remember the present state."""
-        self._kept = self._now().copy(), self._left
-
-    def recall(self) -> None:
-        """Return to it."""
-        assert self._kept
-        state, self._left = self._kept
-        state.copy_to(self._now())
         self._at[:] = np.nan
 
     def past(self) -> tuple[FloatArray, ...]:

@@ -86,7 +86,7 @@ EFFECT = Effect(
     lower=lower,
     modules=("contact", "shapes"),
     stages={
-        "contact.stepper.ContactStepper": {"step": f"{CONTACT}: bookkeeping"},
+        "contact.stepper.ContactStepper": {"_advance": f"{CONTACT}: bookkeeping"},
         "contact.contact_solver.ContactSolver": {
             "step": f"{CONTACT}: bookkeeping",
             "_finish": f"{CONTACT}: end of the step",

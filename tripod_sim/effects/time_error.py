@@ -156,7 +156,7 @@ EFFECT = Effect(
             "would_add": TIME_ERROR,
             "report": TIME_ERROR,
         },
-        "integrators.doubling.Doubling": {"step": TIME_ERROR},
+        "integrators.doubling.Doubling": {"advance": TIME_ERROR},
     },
     steps=(TIME_ERROR,),
     lower=lower,

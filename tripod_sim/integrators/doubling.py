@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.integrators.integrator import Integrator
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from tripod_sim.parts import Parts
 
 
-class Doubling:
+class Doubling(Integrator):
     """A time integrator whose error is estimated by a twin with steps of half the length.
 
     Attributes:
@@ -56,17 +57,17 @@ class Doubling:
         self.integrator.forget()
         self._twin.forget()
 
-    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Advance by `dt` [s], and the twin in two steps, in place. Raises StepError; `state` is then in between."""
+    def advance(self, state: State, joints: FloatArray, h: float) -> StepReport:
+        """Advance by `h` [s], and the twin in two steps, in place. Raises StepError; `state` is then in between."""
         errors = state.twin
         assert errors
         if not (errors.known and _same(state, errors.last)):
             state.copy_to(errors.twin)
             self._twin.forget()
-        report = self.integrator.step(state, joints, dt)
+        report = self.integrator.step(state, joints, h)
         middle = 0.5 * (errors.twin.joints + joints)
-        self._twin.step(errors.twin, middle, 0.5 * dt)
-        self._twin.step(errors.twin, joints, 0.5 * dt)
+        self._twin.step(errors.twin, middle, 0.5 * h)
+        self._twin.step(errors.twin, joints, 0.5 * h)
         state.copy_to(errors.last)
         errors.known = 1
         largest, node = furthest(self._shown(errors.twin) - self._shown(state))

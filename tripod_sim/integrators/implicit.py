@@ -6,7 +6,8 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.history import History
-from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.integrators.integrator import Integrator
+from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.scheme import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.state import State
@@ -15,12 +16,14 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.time_error import ErrorTransport
 
 
-class ImplicitSteps:
+class ImplicitSteps(Integrator):
     """Advances a state by an implicit scheme.
 
     The first step of a multistep scheme, and the first after `forget`, is one of implicit Euler. That gives the
     acceleration: to take it from the forces at the start would throw a crumpled body apart.
     """
+
+    newton: Newton
 
     def __init__(self, scheme: ImplicitScheme, stage: ImplicitStage) -> None:
         """Prepare.

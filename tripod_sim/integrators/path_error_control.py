@@ -40,12 +40,13 @@ taken to add as one does. The floor is A times the contact distance or FINE time
 tolerance where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.newton import Newton, NewtonReport
+from tripod_sim.integrators.integrator import StepperIntegrator
+from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.scheme import Scheme
 from tripod_sim.integrators.step_control import StepControl, Substep, Work
@@ -86,6 +87,9 @@ make errors larger, take the more of a finer accuracy."""
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
 
+MOST_HALVINGS = 6
+"""How often a substep of the shortest length that errors ask for is halved where it cannot be solved."""
+
 KEEP = 1.4
 """By which a length must have grown before it is changed: lengths that recur keep factorisations."""
 
@@ -122,7 +126,7 @@ class PathErrorControl(StepControl):
         """
         self._order, self._fast = scheme.order, scheme.over_difference
         inner = parts.stepper
-        self.integrator: Any = inner.integrator if isinstance(inner, Substeps) else inner
+        self.integrator = inner.integrator if isinstance(inner, Substeps) else StepperIntegrator(inner)
         self._ball, self._wanted = parts.ball, wanted
         groups, rigid = parts.system.groups, parts.rigid
         corners = [s.vertices for s in rigid.shapes] if rigid else []
@@ -140,11 +144,10 @@ class PathErrorControl(StepControl):
         self._sums = np.zeros((count, 4))
         self._errors, self._a_end = np.zeros((2, count, 3)), np.zeros((count, 3))
         self._first = self._soft + np.searchsorted(self._body, np.arange(len(corners) + 1))
-        self._world: ContactSolver | None = getattr(self.integrator, "world", None)
+        self._world: ContactSolver | None = getattr(self.integrator, "world", None)  # only contact has one
         if self._world:
             self._row, self._owner = self._world.owners()
-        newton = getattr(self.integrator, "newton", None)
-        self._newton = newton if isinstance(newton, Newton) and wanted.accuracy else None
+        self._newton = self.integrator.newton if wanted.accuracy else None
         if self._newton:
             self._newton.keep_several()
         kind = 0 if not solid else 1 if self._world else 2
@@ -152,6 +155,7 @@ class PathErrorControl(StepControl):
         self._accuracy = min(share, 1.0) * wanted.accuracy
         self._maze = self._ball if wanted.accuracy else None
         self._shifted = self._maze.shifted() if self._maze else None
+        self._least = wanted.shortest * 0.5**MOST_HALVINGS
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
 
@@ -194,7 +198,11 @@ class PathErrorControl(StepControl):
             self._pieces = max(1.0, np.ceil((dt - done) / self._h - 1e-9))
             self._h = (dt - done) / self._pieces
         end = 1.0 if self._pieces == 1 else min(1.0, (done + self._h) / dt)
-        return Substep(end, self._h, self._h / dt)
+        return Substep(end, self._h, self._h / dt, self._is_shortest())
+
+    def _is_shortest(self) -> bool:
+        """Return whether the proposed substep is not halved if it fails; equal parts of a step are rounded."""
+        return self._h <= self._least * (1 + 1e-9)
 
     def prepare(self, state: State) -> None:
         """Apply the load of the ball, and set how exactly the substep is solved."""
@@ -204,10 +212,10 @@ class PathErrorControl(StepControl):
             self._newton.allow(self._accuracy * float(state.way.furthest.max()) + self._floor, self._h)
 
     def shorten(self, spent: int) -> bool:
-        """Halve the substep, unless it is the shortest."""
-        if self._h <= self._wanted.shortest:
+        """Halve the substep, unless it is far shorter than errors ask for."""
+        if self._is_shortest():
             return False
-        self._length, self._flight, self._again = max(0.5 * self._h, self._wanted.shortest), 0.0, True
+        self._length, self._flight, self._again = max(0.5 * self._h, self._least), 0.0, True
         return True
 
     def accepts(self, state: State, work: Work) -> bool:

@@ -1,18 +1,19 @@
 """Quasi-static steps: each ends in equilibrium, reached by increments of load and joints that stay on the branch."""
 
-import numpy as np
-
 from tripod_host.arrays import FloatArray
+from tripod_sim.integrators.integrator import Integrator
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton, NewtonReport
-from tripod_sim.integrators.step_control import HalveOnFailure
+from tripod_sim.integrators.step_control import HalveOnFailure, Increments
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same
 
 
-class QuasiStatic:
+class QuasiStatic(Integrator):
     """Moves a state from equilibrium to equilibrium, and tells where one is unstable."""
+
+    newton: Newton
 
     def __init__(self, newton: Newton, *, watch: bool = False) -> None:
         """`newton`: finds equilibria; `watch`: whether unstable ones are reported."""
@@ -24,9 +25,6 @@ class QuasiStatic:
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
         self.newton.forget()
-
-    def drop_history(self) -> None:
-        """There is none."""
 
     def begin(self) -> None:
         """Begin a step: increments of the load may help again."""
@@ -68,38 +66,35 @@ class QuasiStatic:
 class IncrementControl(HalveOnFailure):
     """Divides a step so that no servo moves far within one increment; one that fails is halved."""
 
-    def __init__(self, solver: QuasiStatic, max_halvings: int, max_turn: float, reach: float) -> None:
+    def __init__(self, solver: QuasiStatic, max_halvings: int, increments: Increments) -> None:
         """Prepare.
 
         Args:
             solver: Finds the equilibria.
             max_halvings: The smallest increment is 2^-max_halvings of the largest.
-            max_turn: Largest servo move of an increment [rad].
-            reach: Of an arm [m], sets the same for the slide.
+            increments: The largest ones.
         """
         super().__init__(max_halvings, solver.newton.max_iterations)
-        self._solver, self._max_turn, self._reach = solver, max_turn, reach
-        self._servos = len(solver.newton.system.groups.driven)
+        self._solver, self._increments = solver, increments
 
     def begin(self, state: State, move: FloatArray, dt: float) -> None:
         """Begin with the largest increment."""
         self._solver.begin()
         super().begin(state, move, dt)
 
-    def largest(self, move: FloatArray) -> float:
-        """Return the share of a step in which no servo moves farther than it may."""
-        s = self._servos
-        turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self._reach)
-        return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
+    def fewest(self, move: FloatArray) -> int:
+        """As `Increments.count`."""
+        return self._increments.count(move)
 
-    def smallest(self, move: FloatArray) -> float:
-        """As `HalveOnFailure.smallest`; where nothing moves, all increments are the same."""
-        return super().smallest(move) if move.any() else self.largest(move)
+    def halvings(self, move: FloatArray) -> int:
+        """As `HalveOnFailure.halvings`; where nothing moves, all increments are the same."""
+        return super().halvings(move) if move.any() else 0
 
 
 def quasi_static_steps(
     newton: Newton, max_halvings: int, max_turn: float, reach: float, *, watch: bool = False
 ) -> Substeps:
-    """Return what makes static steps; arguments as of `QuasiStatic` and `IncrementControl`."""
+    """Return what makes static steps; arguments as of `QuasiStatic`, `IncrementControl` and `Increments`."""
     solver = QuasiStatic(newton, watch=watch)
-    return Substeps(solver, IncrementControl(solver, max_halvings, max_turn, reach))
+    increments = Increments(len(newton.system.groups.driven), max_turn, reach)
+    return Substeps(solver, IncrementControl(solver, max_halvings, increments))

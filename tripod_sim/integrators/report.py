@@ -41,7 +41,7 @@ SUMMED = tuple(name for name in WORK if name != "rejected")
 
 @dataclass
 class ContactReport:
-    """What contact took in one step.
+    """What contact took in one step, or one substep.
 
     Attributes:
         contacts: Pairs within the alarm distance, or met.
@@ -58,8 +58,8 @@ class ContactReport:
         restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
             to last step did not end smoothly.
         lowered: By how much the coefficient of restitution was lowered at most, so that hits gave no energy.
-        meets: Share of the step after which bodies that move on without forces hit; infinite where they do not, and
-            where the step was not one of implicit Euler.
+        meets: Share of the last substep after which bodies that move on without forces hit; infinite where they do
+            not, and where it was not one of implicit Euler.
         way: To the forces, of the last response: `compliance` (few contacts), `multipliers` on all unknowns, `penalty`.
     """
 
@@ -77,6 +77,14 @@ class ContactReport:
     lowered: float = 0.0
     meets: float = np.inf
     way: str = ""
+
+    def follow(self, before: "ContactReport") -> None:
+        """Add the substeps `before` this one; forces are those at the end, the gap is the smallest of all."""
+        for name in ("rounds", "passes", "met", "parts"):
+            setattr(self, name, getattr(self, name) + getattr(before, name))
+        self.cut, self.lowered = max(self.cut, before.cut), max(self.lowered, before.lowered)
+        self.smallest_gap = min(self.smallest_gap, before.smallest_gap)
+        self.restarted |= before.restarted
 
 
 @dataclass
@@ -130,12 +138,9 @@ class StepReport:
             return
         self.dt_limit, self.growth, self.grew_at = part.dt_limit, part.growth, part.grew_at
         self.time_error = part.time_error
-        contact, before = part.contact, self.contact
-        if contact and before:
-            contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)
-            contact.cut = max(contact.cut, before.cut)
-            contact.lowered = max(contact.lowered, before.lowered)
-        self.contact = contact
+        if part.contact and self.contact:
+            part.contact.follow(self.contact)
+        self.contact = part.contact
 
     def after(self, before: "StepReport") -> "StepReport":
         """Return this report, which a stepper may keep, with the work of the steps before."""

@@ -6,13 +6,15 @@ method [NocedalWright2006].
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.forces.anchor import Anchor
+from tripod_sim.integrators.integrator import Integrator
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
-from tripod_sim.integrators.step_control import StepControl, Substep, Work
+from tripod_sim.integrators.step_control import Increments, StepControl, Substep, Work
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same
@@ -24,7 +26,7 @@ LONGER, SHORTER = 4.0, 16.0
 """Ratio of a substep's length to the one before it, and of a failed one's length to that of the next."""
 
 
-class StaticDescent:
+class StaticDescent(Integrator):
     """Moves a state towards equilibrium by a step of implicit Euler from rest.
 
     Attributes:
@@ -32,6 +34,8 @@ class StaticDescent:
         first: Length of the first substep [s].
         balanced: Whether the last one ended in equilibrium.
     """
+
+    newton: Newton
 
     def __init__(self, newton: Newton, mass: FloatArray) -> None:
         """`mass`: of nodes [kg], shape (n,), positive of free ones. Adds the inertia of the steps to the system."""
@@ -47,11 +51,13 @@ class StaticDescent:
         """Drop the factorisation."""
         self.newton.forget()
 
-    def drop_history(self) -> None:
-        """There is none."""
+    @property
+    def exhausted(self) -> bool:
+        """Whether no more substeps of this increment are worth it."""
+        return self._substeps >= MOST_SUBSTEPS
 
     def begin(self) -> None:
-        """Begin a step."""
+        """Begin an increment."""
         self.balanced, self._substeps = False, 0
 
     def advance(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
@@ -69,7 +75,7 @@ class StaticDescent:
         report.residual = system.unbalanced()
         self.balanced = report.residual <= self.newton.tolerance + system.rounding(state)
         self._substeps += 1
-        if self._substeps >= MOST_SUBSTEPS and not self.balanced:
+        if self.exhausted and not self.balanced:
             raise NewtonError(
                 f"after {self._substeps} increments the unbalanced force is {report.residual:.3g} N, above "
                 f"{self.newton.tolerance:g} N",
@@ -87,31 +93,69 @@ class StaticDescent:
         return NewtonReport(residual=residual) if self.balanced else None
 
 
-class DescentControl(StepControl):
-    """Substeps become longer until one ends in equilibrium; one that fails is made again, much shorter."""
+class Descent(Protocol):
+    """What `DescentControl` asks of an integrator whose substeps lead to equilibrium."""
 
-    def __init__(self, solver: StaticDescent) -> None:
-        """`solver`: makes the substeps."""
-        self._solver = solver
+    @property
+    def first(self) -> float:
+        """Length of the first substep of an increment [s]."""
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the last one ended in equilibrium."""
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no more substeps of this increment are worth it."""
+
+    def begin(self) -> None:
+        """Begin an increment."""
+
+
+class DescentControl(StepControl):
+    """Substeps become longer until one ends in equilibrium; one that fails is made again, much shorter.
+
+    Driven nodes go their way in increments, each to equilibrium, in its first substep. Where that fails the increment,
+    and those after it, are halved, too.
+    """
+
+    def __init__(self, solver: Descent, increments: Increments | None = None) -> None:
+        """`solver`: makes the substeps; `increments`: the largest ones, None for the whole step."""
+        self._solver, self._increments = solver, increments
 
     def begin(self, state: State, move: FloatArray, dt: float) -> None:
         """Begin with the first length."""
+        self._size = 1.0 / self._increments.count(move) if self._increments else 1.0
+        self._done, self._moves = 0.0, bool(move.any())
+        self._begin_increment()
+
+    def _begin_increment(self) -> None:
         self._solver.begin()
-        self._length, self._failures = self._solver.first, 0
+        self._end = 1.0 if self._done + self._size > 1.0 - 1e-6 else self._done + self._size
+        self._length, self._failures, self._moved = self._solver.first, 0, False
 
     def propose(self) -> Substep | None:
-        """Return the next substep, in which driven nodes are at their goal; None in equilibrium."""
-        return None if self._solver.balanced else Substep(1.0, self._length, 1.0)
+        """Return the next substep, in which driven nodes are at the end of the increment; None in equilibrium."""
+        if self._solver.balanced:
+            self._done = self._end
+            if self._done >= 1.0:
+                return None
+            self._begin_increment()
+        return Substep(self._end, self._length, self._end - self._done)
 
     def shorten(self, spent: int) -> bool:
         """Choose a much shorter substep; return False after many."""
         self._length /= SHORTER
         self._failures += 1
-        return self._failures <= MOST_FAILURES
+        if self._moves and not self._moved:
+            self._size *= 0.5
+            self._end = self._done + 0.5 * (self._end - self._done)
+        return self._failures <= MOST_FAILURES and not self._solver.exhausted
 
     def accepts(self, state: State, work: Work) -> bool:
         """Accept, and choose a longer one."""
         self._length *= LONGER
+        self._moved = True
         return True
 
 

@@ -8,6 +8,8 @@ import math
 from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.state import State
@@ -24,11 +26,13 @@ class Substep(NamedTuple):
         end: Share of the step at its end; 1 is the end of the step.
         length: [s].
         share: Of the step.
+        last: Whether no shorter one will be tried: the integrator may then truncate it.
     """
 
     end: float
     length: float
     share: float
+    last: bool = False
 
 
 class Work(Protocol):
@@ -76,46 +80,69 @@ class StepControl(ABC):
         """Complete the report of a step that is done."""
 
 
+class Increments(NamedTuple):
+    """How a move of the joints is divided in statics.
+
+    Attributes:
+        servos: Their number.
+        max_turn: Largest servo move of an increment [rad].
+        reach: Of an arm [m], sets the same for the slide.
+    """
+
+    servos: int
+    max_turn: float
+    reach: float
+
+    def count(self, move: FloatArray) -> int:
+        """Return the increments in which no servo moves farther than it may, for joints that move by `move`."""
+        s = self.servos
+        turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self.reach)
+        return max(1, int(np.ceil(turn / self.max_turn)))
+
+
 class HalveOnFailure(StepControl):
-    """Substeps are as long as they may be at first; one that fails is halved, and the next ones grow again."""
+    """Substeps are as long as they may be; one that fails is replaced by two of half the length, and so on.
+
+    So substeps nest: their lengths recur, and factorisations serve many of them.
+    """
 
     def __init__(self, max_halvings: int, max_iterations: int = 1) -> None:
         """`max_halvings`: the smallest substep is 2^-max_halvings of the largest; `max_iterations`: of one solve."""
         self._max_halvings, self._most_failed = max_halvings, MOST_FAILED * max_iterations
 
-    def largest(self, move: FloatArray) -> float:
-        """Return the largest share of a step to try, for joints that move by `move`, shape (s + 1,)."""
-        return 1.0
+    def fewest(self, move: FloatArray) -> int:
+        """Return how many substeps a step has at least, for joints that move by `move`, shape (s + 1,)."""
+        return 1
 
-    def smallest(self, move: FloatArray) -> float:
-        """Return the smallest share of a step to try."""
-        return self.largest(move) * 0.5**self._max_halvings
+    def halvings(self, move: FloatArray) -> int:
+        """Return how often the largest of these may be halved."""
+        return self._max_halvings
 
     def begin(self, state: State, move: FloatArray, dt: float) -> None:
         """Begin with the largest substep."""
-        self._first = self._size = self.largest(move)
-        self._least, self._dt = self.smallest(move), dt
-        self._done, self._end, self._failed, self._halved = 0.0, 0.0, 0, False
+        self._largest = self._size = 2 ** self.halvings(move)  # in units of the smallest
+        self._units, self._dt = self.fewest(move) * self._largest, dt
+        self._done, self._failed = 0, 0
 
     def propose(self) -> Substep | None:
         """Return the next substep."""
-        done = self._done
-        if done >= 1.0:
+        done, units = self._done, self._units
+        if done >= units:
             return None
-        self._end = end = 1.0 if done + self._size > 1.0 - 1e-9 else done + self._size
-        return Substep(end, self._dt if end - done == 1.0 else self._dt * (end - done), self._size)
+        if done % self._largest:  # the other half of one that failed
+            self._size = min(self._size, done & -done)
+        share = self._size / units
+        return Substep((done + self._size) / units, self._dt * share, share, self._size == 1)
 
     def shorten(self, spent: int) -> bool:
         """Halve, unless substeps are too short, or too much has been spent on those that failed."""
         self._failed += spent
-        if self._size < 2 * self._least * 0.999 or self._failed >= self._most_failed:
+        if self._size == 1 or self._failed >= self._most_failed:
             return False
-        self._size *= 0.5
-        self._halved = True
+        self._size //= 2
         return True
 
     def accepts(self, state: State, work: Work) -> bool:
-        """Accept, and let substeps that were halved grow."""
-        self._done = self._end
-        self._size = min(self._first, self._size * 2 if self._halved else self._size)
+        """Accept; the next substep is the other half of one that failed, or as long as it may be."""
+        self._done, self._size = self._done + self._size, self._largest
         return True

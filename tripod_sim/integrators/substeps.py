@@ -1,9 +1,10 @@
 """The one loop that divides a step into substeps: it alone saves a state and restores it."""
 
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError, UnsolvedError
+from tripod_sim.integrators.integrator import Integrator
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.step_control import HalveOnFailure, StepControl, Substep
 from tripod_sim.state import State
@@ -21,26 +22,22 @@ class Substeps:
         control: Chooses the substeps.
     """
 
-    def __init__(self, integrator: Any, control: StepControl) -> None:
-        """`integrator`: a stepper, or what has `advance` and what else of `ImplicitSteps` it needs."""
+    def __init__(self, integrator: Integrator, control: StepControl) -> None:
+        """As the attributes."""
         self.integrator, self.control = integrator, control
         self._backup: State | None = None
         self._origin: State | None = None
-        self._has_history = control.rejects and hasattr(integrator, "keep_history")
-        self._drop_history = getattr(integrator, "drop_history", None)
-        self._restarts = getattr(integrator, "restarts", None)
 
     @property
     def newton(self) -> "Newton":
         """Solves the stages, of an integrator that has such."""
-        found: Newton = self.integrator.newton
-        return found
+        assert self.integrator.newton
+        return self.integrator.newton
 
     @property
     def errors(self) -> "ErrorTransport | None":
         """Carries the error of the time steps along; None where nobody asks for it."""
-        found: ErrorTransport | None = getattr(self.integrator, "errors", None)
-        return found
+        return self.integrator.errors
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
@@ -50,18 +47,17 @@ class Substeps:
     def prepare(self, state: State, dt: float) -> None:
         """Factor for a first step of `dt` [s] from `state`, which is left alone: it is then no slower than others."""
         self.forget()
-        if not self._drop_history:  # what it keeps goes with its history
+        if not self.integrator.newton:  # it has no factorisation to keep
             return
         try:
             self.step(state.copy(), state.joints.copy(), dt)
         except StepError:
             return  # the step itself will say so
-        self._drop_history()
+        self.integrator.drop_history()
 
     def renew(self, state: State, dt: float) -> None:
         """Refactor ahead of the next step, of `dt` [s] from `state`, where that takes long. Call when idle."""
-        if renew := getattr(self.integrator, "renew", None):
-            renew(state, dt)
+        self.integrator.renew(state, dt)
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
@@ -70,7 +66,6 @@ class Substeps:
             StepError: the step could not be saved; `state` is unchanged.
         """
         integrator, control = self.integrator, self.control
-        advance = getattr(integrator, "step", None) or integrator.advance
         if (
             self._backup is None
             or self._origin is None
@@ -84,20 +79,21 @@ class Substeps:
             if not first and origin is self._backup:  # keep the copy of the step's start
                 self._backup, self._origin = self._origin, self._backup
             state.copy_to(self._backup)
-            if self._has_history:
+            if control.rejects:
                 integrator.keep_history()
             control.prepare(state)
             goal = joints if substep.end == 1.0 else start + substep.end * (joints - start)
             spent = self._spent()
+            advance = integrator.advance_truncated if substep.last else integrator.advance
             try:
                 work = advance(state, goal, substep.length)
-                if self._restarts and self._restarts():
+                if integrator.restarts():
                     self._backup.copy_to(state)
                     work = advance(state, goal, substep.length)
                     integrator.restarted()
             except UnsolvedError as error:
                 self._backup.copy_to(state)
-                if self._has_history:
+                if control.rejects:
                     integrator.recall_history()
                 report.halvings += 1
                 if not control.shorten(self._spent() - spent):
@@ -106,10 +102,7 @@ class Substeps:
             state.time = begin + substep.end * dt
             if not control.accepts(state, work):
                 self._backup.copy_to(state)
-                if self._has_history and work.parts == 1:
-                    integrator.recall_history()
-                else:
-                    integrator.forget()
+                integrator.recall_history()
                 control.replace(state)
                 report.rejected += 1
                 continue
@@ -123,7 +116,7 @@ class Substeps:
 
     def _spent(self) -> int:
         """Return the linear solves so far, those of failed substeps too; 0 where the integrator counts none."""
-        return getattr(getattr(self.integrator, "newton", None), "spent", 0)
+        return self.integrator.newton.spent if self.integrator.newton else 0
 
     def _give_up(self, origin: State, state: State, substep: Substep, error: UnsolvedError) -> NoReturn:
         """Restore `state` to `origin`, where the step began, and raise StepError: a substep failed with `error`."""
@@ -137,6 +130,7 @@ class Substeps:
         ) from error
 
 
-def halving(integrator: Any, max_halvings: int) -> Substeps:
+def halving(integrator: Integrator, max_halvings: int) -> Substeps:
     """Return steps of `integrator` in which substeps that fail are halved, at most `max_halvings` times."""
-    return Substeps(integrator, HalveOnFailure(max_halvings, integrator.newton.max_iterations))
+    newton = integrator.newton
+    return Substeps(integrator, HalveOnFailure(max_halvings, newton.max_iterations if newton else 1))
