@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from tripod_study.plan import Plan
 
 INTERRUPTED = "tripod study: interrupted; what is done is kept in {out}, the same command goes on"
+WISHES = ("5%", "10%", "reference")
+"""Accuracies that the command after a study may ask for, the most useful first."""
+
 PARTS = ("both", "accuracy", "report")
 
 
@@ -41,6 +44,16 @@ class Changes:
         names = ("--set", "--servo", "--slide", "--duration", "--accuracy", "--study")
         values = (self.overrides or None, self.servo, self.slide, self.duration, self.accuracy, self.study)
         return next((name for name, value in zip(names, values, strict=True) if value is not None), "")
+
+    def motion(self) -> list[str]:
+        """Return the options that move the scene, as they are typed."""
+        values = {"--servo": self.servo, "--slide": self.slide, "--duration": self.duration}
+        return [f"{name}={value}" for name, value in values.items() if value is not None]
+
+    def wish(self) -> list[str]:
+        """Return the options that choose a setting, as they are typed."""
+        values = {"--accuracy": self.accuracy, "--study": self.study}
+        return [f"{name}={value}" for name, value in values.items() if value is not None]
 
 
 def study_command(
@@ -104,15 +117,37 @@ def study_command(
             f"files: {made_of}: {', '.join(path.suffix for path in files)}; points: .jsonl", file=sys.stderr
         )
     lacking = [name for name, found in printed.get("accuracy", {}).items() if not found["front"]]
-    if plans and plans[0].studied and not changes.first() and not (lacking or as_json or quiet):
-        words = ["tripod", "run", scene]
-        if scene.endswith(".toml"):
-            words += ["--accuracy", "5%", "--study", str(out / f"{plans[0].name}.json")]
-        print(f"next: {shlex.join(words)}", file=sys.stderr)
     for name in lacking:
         reference = printed["accuracy"][name]["reference"] or {"message": "nothing was measured"}
         print(f"tripod study: {name}: no errors: {reference['message']}", file=sys.stderr)
+    if plans and not as_json and not quiet:
+        words = next_command(scene or plans[0].scene, plans[0], changes, out)
+        print(f"next: {shlex.join(words)}", file=sys.stderr)
     return FAILED if lacking else 0
+
+
+def next_command(scene: str, made: "Plan", changes: Changes, out: Path) -> list[str]:
+    """Return the command that runs a studied scene as the study advises; as it is, where no accuracy was reached.
+
+    `scene` is as the user named it. The accuracy is the first of `WISHES` that the study offers a setting for.
+    """
+    from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.scene_file import words_of  # noqa: PLC0415
+    from tripod_study.accuracy.choice import choose  # noqa: PLC0415
+
+    own = bool(made.studied)  # of a scene that no study comes with
+    overrides = changes.overrides if own else words_of(made.base)
+    name, file = scene if own else made.scene, out / f"{made.name}.json"
+    run = ["tripod", "run", name, *(word for each in overrides for word in ("--set", each)), *changes.motion()]
+    if changes.accuracy:  # the study is of the setting that this takes
+        return [*run, *changes.wish()]
+    for wish in WISHES:
+        try:
+            choose(name, wish, overrides, study=file, speed=lambda: None)
+        except SceneError:
+            continue
+        return [*run, "--accuracy", wish, "--study", str(file)]
+    return run
 
 
 def _chosen(

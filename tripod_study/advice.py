@@ -14,7 +14,7 @@ def advice(result: Mapping[str, Any]) -> list[str]:
     if own and own > max(LEVELS.values()):
         closer = " Leave out --quick for a more accurate one." if result["quick"] else ""
         sentences.append(
-            f"The reference itself may have an error of {100 * own:.2g} %.{closer} If that stays, the motion is "
+            f"The reference itself may have an error of {_size(own)}.{closer} If that stays, the motion is "
             "chaotic or can end in several ways: shorten it (--duration), or name by [[marker]] a place that can be "
             "predicted."
         )
@@ -39,7 +39,7 @@ def _cheapest(result: Mapping[str, Any]) -> list[str]:
     if missing:
         bounds = [p["bound"] for p in points if p["bound"] is not None]
         best = (
-            f"; the most accurate setting has an error of up to {100 * min(bounds):.2g} %" if bounds else ""
+            f"; the most accurate setting has an error of up to {_size(min(bounds))}" if bounds else ""
         )
         sentences.append(f"No setting here has an error of at most {_percent(missing[0])}{best}.")
     return sentences
@@ -83,7 +83,7 @@ def knob_that_pays(result: Mapping[str, Any]) -> str:
         if twin and twin["bound"] is not None:
             if twin["bound"] > allowed:
                 needed.append(
-                    f"{name} {_value(value)} (with {_value(default)} the error may be {100 * twin['bound']:.2g} %)"
+                    f"{name} {_value(value)} (with {_value(default)} the error may be {_size(twin['bound'])})"
                 )
             else:
                 gains.append((twin["cpu"] / best["cpu"], name, value, default))
@@ -121,6 +121,11 @@ def _word(knob: Mapping[str, Any], value: Any) -> str:
 
 def _value(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _size(error: float) -> str:
+    """Return a relative error as people write it, such as `230 %`."""
+    return f"{float(f'{100 * error:.2g}'):g} %"
 
 
 def _levels(levels: Sequence[str]) -> str:

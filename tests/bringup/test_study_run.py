@@ -23,10 +23,13 @@ from tests.bringup.processes import DEADLINE, alive, wait_until
 from tests.messages import assert_names, line_naming, lines_naming
 from tripod_bringup import study_command
 from tripod_bringup.cli import app
+from tripod_bringup.study_plans import PLANS, plan
 from tripod_bringup.study_plot import draw
 from tripod_bringup.study_run import Job, local, outdated, run_plan
 from tripod_bringup.study_store import Store
 from tripod_bringup.study_worker import Worker, lost
+from tripod_sim.errors import SceneError
+from tripod_study.accuracy.choice import choose
 from tripod_study.fingerprint import fingerprint
 from tripod_study.result import assemble
 
@@ -510,3 +513,31 @@ def test_the_report_and_the_accuracy_of_one_scene_come_together(
         done = CliRunner().invoke(app, ["study", *words, "--json", "--out", str(tmp_path)])
         assert done.exit_code == 0, done.stderr
         assert asked == expected
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_study_ends_with_a_command_for_the_best_accuracy_that_it_offers(name: str) -> None:
+    """Those of bodies at rest must say `inertia=off`; one of inverse kinematics chooses nothing for `tripod run`."""
+    made, studies = plan(name, quick=True), ROOT / "tripod_study" / "studies"
+    words = study_command.next_command(made.scene, made, study_command.Changes(), studies)
+    assert words[:3] == ["tripod", "run", made.scene]
+    given = dict(zip(words, words[1:], strict=False))
+    overrides = [value for option, value in zip(words, words[1:], strict=False) if option == "--set"]
+    taken = given.get("--accuracy")
+    assert (taken is None) == (name == "ik")
+    for wish in study_command.WISHES:
+        if wish == taken:
+            choice = choose(made.scene, wish, overrides, study=Path(given["--study"]), speed=lambda: None)
+            assert choice.study == name
+            assert not choice.outside
+            return
+        with pytest.raises(SceneError):
+            choose(made.scene, wish, overrides, study=studies / f"{name}.json", speed=lambda: None)
+
+
+def test_the_command_after_a_study_repeats_the_options_that_changed_the_scene() -> None:
+    changes = study_command.Changes(["dt=0.01"], servo="0:0; 1:-1,-1,-1", duration=2.0, accuracy="5%")
+    made = study_command.plan_of_scene("tripod", study_command.Changes(), quick=True)
+    words = study_command.next_command("tripod", made, changes, Path("nowhere"))
+    options = ["--set", "dt=0.01", "--servo=0:0; 1:-1,-1,-1", "--duration=2.0", "--accuracy=5%"]
+    assert words == ["tripod", "run", "tripod", *options]
