@@ -4,6 +4,7 @@ import { listen, value } from "./channel.js";
 import { element, place, section } from "./dom.js";
 
 const SPAN = 20; // [s]
+const LEFT = 74, EDGE = 12, LINE = 22; // of the numbers beside the curves, above and below them, of a line of text [px]
 
 export function plots() {
   const angles = plot("servo angles (°)", "only-servos");
@@ -37,18 +38,22 @@ function plot(title, kind) {
 function draw(canvas, rows, now, colours, low, high) {
   const pen = canvas.getContext("2d");
   const { width, height } = canvas;
-  const x = (time) => width * (1 - (now - time) / SPAN);
-  const y = (value) => height - 8 - ((value - low) / (high - low)) * (height - 16);
+  const x = (time) => width - (width - LEFT) * ((now - time) / SPAN);
+  const y = (value) => height - EDGE - ((value - low) / (high - low)) * (height - 2 * EDGE);
   pen.clearRect(0, 0, width, height);
   pen.font = "20px sans-serif";
   pen.fillStyle = pen.strokeStyle = "#868e96";
+  pen.textAlign = "right";
+  pen.textBaseline = "middle";
   pen.lineWidth = 1;
-  for (const mark of [low, low < 0 && high > 0 ? 0 : 1, high]) {
+  const middle = low < 0 && high > 0 ? 0 : 1;
+  const apart = [low, high].every((end) => Math.abs(y(middle) - y(end)) >= LINE);
+  for (const mark of apart ? [low, middle, high] : [low, high]) {
     pen.beginPath();
-    pen.moveTo(0, y(mark));
+    pen.moveTo(LEFT, y(mark));
     pen.lineTo(width, y(mark));
     pen.stroke();
-    pen.fillText(String(Math.round(10 * mark) / 10), 4, Math.max(20, y(mark) - 4));
+    pen.fillText(String(Math.round(10 * mark) / 10), LEFT - 8, y(mark));
   }
   pen.lineWidth = 3;
   rows[0][1].forEach((_, k) => {

@@ -24,8 +24,8 @@ export function start() {
   const show = () => {
     const scene = value("scene") ?? {}, by = scene.servos ? MOVED[value("mode")?.mode] : undefined;
     setText(moved, by ? `${by} ${taken(scene)}` : "");
-    setText(begin, by && !scene.maze ? "Take over: move the robot yourself" : label(scene));
-    setText(watch, by ? "Just watch: it goes on as it is" : "Just watch");
+    setText(begin, by && !scene.maze ? "Take over and move it" : label(scene));
+    setText(watch, by ? "Just watch" : "Just watch");
     box.classList.toggle("aside", Boolean(by));
   };
   listen("scene", (scene) => {
