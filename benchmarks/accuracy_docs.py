@@ -14,7 +14,7 @@ from benchmarks import accuracy_overview
 from benchmarks.doc_parts import folded
 from tripod_bringup.study_files import error_text, seconds
 from tripod_bringup.study_plans import PLANS
-from tripod_study.advice import short
+from tripod_study.advice import knob_that_pays, short
 from tripod_study.fingerprint import fingerprint
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,7 +50,7 @@ def take(folder: Path) -> list[str]:
 def section(result: dict[str, Any]) -> str:
     """Return a study as Markdown, folded."""
     first, reference = result["quantities"][0], result["reference"]
-    advice = [*result["advice"][1:], *filter(None, [price(result)])]
+    advice = [*filter(None, [knob_that_pays(result), price(result)])]
     lines = [
         f"![error over computing time, {result['study']}](images/accuracy_{result['study']}.png)",
         "",

@@ -138,7 +138,13 @@ def next_command(scene: str, made: "Plan", changes: Changes, out: Path) -> list[
     own = bool(made.studied)  # of a scene that no study comes with
     overrides = changes.overrides if own else words_of(made.base)
     name, file = scene if own else made.scene, out / f"{made.name}.json"
-    run = ["tripod", "run", name, *(word for each in overrides for word in ("--set", each)), *changes.motion()]
+    run = [
+        "tripod",
+        "run",
+        name,
+        *(word for each in overrides for word in ("--set", each)),
+        *changes.motion(),
+    ]
     if changes.accuracy:  # the study is of the setting that this takes
         return [*run, *changes.wish()]
     for wish in WISHES:

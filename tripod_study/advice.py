@@ -38,9 +38,7 @@ def _cheapest(result: Mapping[str, Any]) -> list[str]:
     missing = [level for level, i in result["cheapest"].items() if i is None]
     if missing:
         bounds = [p["bound"] for p in points if p["bound"] is not None]
-        best = (
-            f"; the most accurate setting has an error of up to {_size(min(bounds))}" if bounds else ""
-        )
+        best = f"; the most accurate setting has an error of up to {_size(min(bounds))}" if bounds else ""
         sentences.append(f"No setting here has an error of at most {_percent(missing[0])}{best}.")
     return sentences
 
@@ -125,7 +123,7 @@ def _value(value: Any) -> str:
 
 def _size(error: float) -> str:
     """Return a relative error as people write it, such as `230 %`."""
-    return f"{float(f'{100 * error:.2g}'):g} %"
+    return f"{float(f'{100 * error:.3g}'):g} %"
 
 
 def _levels(levels: Sequence[str]) -> str:

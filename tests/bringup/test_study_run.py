@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -521,8 +522,8 @@ def test_a_study_ends_with_a_command_for_the_best_accuracy_that_it_offers(name: 
     made, studies = plan(name, quick=True), ROOT / "tripod_study" / "studies"
     words = study_command.next_command(made.scene, made, study_command.Changes(), studies)
     assert words[:3] == ["tripod", "run", made.scene]
-    given = dict(zip(words, words[1:], strict=False))
-    overrides = [value for option, value in zip(words, words[1:], strict=False) if option == "--set"]
+    pairs = list(pairwise(words))
+    given, overrides = dict(pairs), [value for option, value in pairs if option == "--set"]
     taken = given.get("--accuracy")
     assert (taken is None) == (name == "ik")
     for wish in study_command.WISHES:

@@ -125,7 +125,7 @@ def test_a_result_has_errors_costs_front_order_and_rows_of_what_diverged() -> No
     costs = "0.0025 CPU s per simulated second"
     assert_names(found["advice"][0], "10 and 5 %", "dt 0.2, ok", costs)
     assert_names(found["advice"][1], "1 %")
-    assert_names(found["advice"][-1], "5 %", "dt 0.2", "0.4", "16 %")
+    assert_names(found["advice"][-1], "5 %", "dt 0.2", "0.4", "16.1 %")
 
 
 def test_the_cheapest_is_within_in_all_that_is_promised() -> None:
