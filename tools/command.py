@@ -15,6 +15,9 @@ from tools.errors import StepError
 SHOWN_LINES = 25
 """Lines of the output that an error repeats."""
 
+UNREACHABLE = ("NewConnectionError", "NameResolutionError", "ConnectTimeoutError", "ProxyError")
+"""What pip writes where it meets no server; what it says after that, of versions in conflict, misleads."""
+
 
 @dataclass(frozen=True)
 class Shell:
@@ -128,6 +131,12 @@ class Job:
 
 
 def _failed(command: Sequence[str], code: int, tail: Sequence[str]) -> StepError:
+    """Return what to tell of a program that failed: where pip met no server, that alone, else its last lines."""
+    if "pip" in command and any(word in line for line in tail for word in UNREACHABLE):
+        return StepError(
+            "pip cannot reach the server of the Python packages, so nothing was installed; check the network (and "
+            "HTTPS_PROXY or PIP_INDEX_URL, if you need them), then give the same command again"
+        )
     said = "\n".join(f"  | {line}" for line in tail)
     return StepError(f"{Path(command[0]).name} failed with exit code {code}:\n{said}")
 

@@ -297,6 +297,18 @@ def test_a_program_that_fails_is_quoted_and_logged(tmp_path: Path) -> None:
     os.close(shell.lock)
 
 
+def test_pip_without_a_network_is_told_as_that_and_not_as_a_conflict(tmp_path: Path) -> None:
+    nowhere = ("--index-url", "http://127.0.0.1:9/simple", "--retries", "1", "--target", tmp_path / "there")
+    environ = {**os.environ, "PIP_CONFIG_FILE": os.devnull}
+    with (tmp_path / "lock").open("w", encoding="utf-8") as lock:
+        shell = Shell(environ, tmp_path / "log", lock.fileno())
+        with pytest.raises(StepError) as caught:
+            shell.run(sys.executable, "-m", "pip", "install", *nowhere, "no-such-package-anywhere")
+    assert_names(str(caught.value), "network", "HTTPS_PROXY")
+    assert "\n" not in str(caught.value)
+    assert "No matching distribution" in (tmp_path / "log").read_text(encoding="utf-8")
+
+
 def test_keys_tell_apart_names_contents_and_bounds(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     one.write_text("ab")
