@@ -37,6 +37,7 @@ def path_command(
         from tripod_play.follow import servo_path  # noqa: PLC0415
         from tripod_play.path_file import read_path  # noqa: PLC0415
         from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
+        from tripod_sim.scene_file import naming_file  # noqa: PLC0415
 
     shown = not quiet and sys.stderr.isatty()
     try:
@@ -51,7 +52,8 @@ def path_command(
 
             return _in_graph("path", lambda: PathNode(points, path), subnet=subnet, ros=ros)
         with interruptible("tripod play"), progress_bar("simulating", shown=shown) as progress:
-            simulation, dt = Simulation(description), description.dt
+            with naming_file(scene, overrides):
+                simulation, dt = Simulation(description), description.dt
             joints, steps = simulation.command, int(np.ceil(path.times[-1] / dt)) + 1
             for k in range(steps):
                 joints[:-1] = path.at((k + 1) * dt)
@@ -103,6 +105,7 @@ def solve_command(
         from tripod_play.player import PlayerSettings  # noqa: PLC0415
         from tripod_play.solve import Eye, solve  # noqa: PLC0415
         from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
+        from tripod_sim.scene_file import naming_file  # noqa: PLC0415
 
     words = [*([f"maze.source={maze}"] if maze else []), *overrides]
     try:
@@ -115,7 +118,8 @@ def solve_command(
             progress_bar("building the scene", shown=not quiet and sys.stderr.isatty()) as progress,
             compiling_told("tripod play", progress.say if progress else None),
         ):
-            simulation = Simulation(description)
+            with naming_file(scene, words):
+                simulation = Simulation(description)
             for k in range(games):
                 if progress:
                     progress.say(f"game {k + 1} of {games}")

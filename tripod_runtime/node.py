@@ -53,7 +53,7 @@ from tripod_sim.effects import EFFECTS
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.joints import Joints
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, override_words
+from tripod_sim.scene_file import load_scene, naming_file, override_words
 from tripod_sim.scene_short import effector_of
 from tripod_sim.simulation import Simulation
 from tripod_study.summary.errors import effector_error, mesh_error
@@ -152,7 +152,8 @@ class SimNode(Node):
             return begin.simulation
         scene = load_scene(self._source, self._overrides)
         try:
-            simulation = Simulation(scene)
+            with naming_file(self._source, self._overrides):
+                simulation = Simulation(scene)
         except StepError as error:
             raise ParameterError(f"scene {scene.name!r} cannot start: {error}") from None
         simulation.rehearse()

@@ -4,8 +4,8 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import resources
 from pathlib import Path
@@ -116,6 +116,22 @@ def _place(message: str, text: str, file: str, overrides: Iterable[str]) -> str:
         return ""
     line = line_of(text, field)
     return f"{file}, line {line}: " if line else f"{file}: "
+
+
+@contextmanager
+def naming_file(source: str | Path, overrides: Iterable[str] = ()) -> Iterator[None]:
+    """Begin a SceneError of the body with the scene's file and line, as `load_scene` does: for building a simulation.
+
+    A shipped scene has no file of the user; a field that an override gives is in none.
+    """
+    try:
+        yield
+    except SceneError as error:
+        text, folder = _read(source)
+        place = _place(str(error), text, str(source) if folder else "", overrides)
+        if not place or str(error).startswith(str(source)):
+            raise
+        raise SceneError(f"{place}{error}") from None
 
 
 def _override_all(table: dict[str, Any], overrides: Iterable[str]) -> None:

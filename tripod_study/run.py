@@ -14,7 +14,7 @@ from tripod_host import stop
 from tripod_sim.effects import named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, naming_file
 from tripod_sim.scene_short import contact_of, soft_bodies
 from tripod_sim.script import Script, script_of
 from tripod_sim.simulation import Simulation
@@ -94,10 +94,10 @@ def run(
     script = script_of(description, servo, slide)
     if servo is not None or slide is not None:
         description = replace(description, motion=None)  # the user's own takes its place
-    steps = _steps(description, script, duration)
-    description = script.started(description)
+    steps, description = _steps(description, script, duration), script.started(description)
     check_out("--out", out, (".npz",))
-    simulation = Simulation(description, progress, say=say, noted=noted)
+    with naming_file(scene, overrides):
+        simulation = Simulation(description, progress, say=say, noted=noted)
     if say:
         say("")
     recording = Recording(simulation, steps) if out or recorded else None

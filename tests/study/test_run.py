@@ -15,6 +15,7 @@ import pytest
 from tests.messages import assert_names, raises_naming
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, StepError, load_scene, scene_names
+from tripod_sim.scene_file import scene_text
 from tripod_sim.scene_short import effector_of, joints_of, rigids_of, soft_bodies
 from tripod_study import recording
 from tripod_study import run as run_module
@@ -499,3 +500,16 @@ def test_an_estimate_larger_than_the_body_is_told_to_be_none() -> None:
     assert "notes" not in run("pendulum", duration=1.0, overrides=words)
     (note,) = run("pendulum", duration=3.0, overrides=words)["notes"]
     assert_names(note, "error", "time steps", "size of the body", "1e+03 mm")
+
+
+def test_what_is_wrong_in_building_names_the_file_of_the_scene(tmp_path: Path) -> None:
+    path = tmp_path / "loose.toml"
+    scene = scene_text("silicone").partition("[inertia]")[0]
+    path.write_text(f"{scene}\n[[fixed]]\nlow = [1.0, 1.0, 1.0]\nhigh = [2.0, 2.0, 2.0]\n", encoding="utf-8")
+    with pytest.raises(SceneError) as caught:
+        run(str(path), duration=0.1)
+    assert str(caught.value).startswith(f"{path}, line {scene.count(chr(10)) + 2}: fixed")
+    assert str(caught.value).count(str(path)) == 1
+    with pytest.raises(SceneError) as caught:  # a shipped scene is no file of the user
+        run("silicone", duration=0.1, overrides=["inertia=off", "damping=off", "fixed=[]"])
+    assert ".toml" not in str(caught.value)

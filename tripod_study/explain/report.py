@@ -11,7 +11,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.effects import EFFECTS, absent, named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, naming_file
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.costs import FEWEST, PATIENCE, Cost, cost, from_itself
 from tripod_study.explain.memory import Size, memory, size
@@ -103,7 +103,8 @@ def explain(
     if at is not None and not 0 <= at <= LATEST * scene.dt:
         raise SceneError(f"--at is {at:g} s; it must be 0 to {LATEST * scene.dt:g} s, {LATEST} steps of dt")
     tell(0.0, "building")
-    twin = Simulation(scene)  # compiles or loads the kernels
+    with naming_file(source, overrides):
+        twin = Simulation(scene)  # compiles or loads the kernels
     start = thread_time()
     simulation = Simulation(scene)
     build = thread_time() - start
