@@ -136,12 +136,12 @@ def scheme_names(found: Trees) -> list[str]:
 
 
 IDEAS = {
-    "systems": Idea(1, 2, systems),
+    "systems": Idea(1, 1, systems),
     "descents": Idea(1, 2, descents),
     "roll-backs": Idea(1, 4, roll_backs),
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 0, circles),
-    "types": Idea(0, 15, types),
+    "types": Idea(0, 4, types),
     "scheme names": Idea(0, 0, scheme_names),
 }
 

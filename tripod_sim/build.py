@@ -71,12 +71,12 @@ def _built(model: Model, progress: Progress | None = None, say: Say | None = Non
 def _of_rigid_bodies(model: Model) -> Parts:
     """Return the parts of a simulation of rigid bodies alone."""
     from tripod_sim.contact.contact_build import touching
-    from tripod_sim.contact.rigid_set import RigidSystem
 
     assert model.contact
     mesh, _, rigid, stepper = touching(model, model.contact, None, [], None, None)
     assert rigid
-    return Parts(mesh, np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
+    system = System(np.zeros((0, 3)), (), Groups(0, free=len(rigid.mass)))
+    return Parts(mesh, np.zeros(0), system, stepper, rigid=rigid)
 
 
 def _of_terms(model: Model, progress: Progress | None, say: Say) -> Parts:
@@ -107,6 +107,7 @@ def _of_terms(model: Model, progress: Progress | None, say: Say) -> Parts:
     held = held_groups(
         draft.rest.shape, draft.rigid, draft.driven, draft.fixed, draft.moved, draft.prescribed
     )
+    held = replace(held, free=len(model.rigid))
     draft.groups, said = with_held(held, assembly, static=not model.scheme)
     if platforms or not model.scheme:
         while_held = "while a platform is brought to its place" if platforms else "without inertia"

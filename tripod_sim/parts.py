@@ -11,7 +11,7 @@ from tripod_sim.tables.method import Solver
 
 if TYPE_CHECKING:
     from tripod_sim.bodies.assembly import Assembly, AssemblySkin
-    from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet, RigidSystem
+    from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
     from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -68,7 +68,7 @@ class Parts:
 
     mesh: "SolidMesh | SpringBody | Assembly | JoinedMesh"
     mass: FloatArray
-    system: "System | RigidSystem"
+    system: "System"
     stepper: Stepper
     solver: Solver = field(default_factory=Solver)
     servos: "ServoMotion | None" = None

@@ -31,7 +31,6 @@ from tripod_sim.unread import unread
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.contact_solver import ContactSolver
-    from tripod_sim.contact.rigid_set import RigidSystem
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -216,7 +215,7 @@ class Simulation:
     def _softest_move(self) -> "SoftestMove | None":
         """Return what tells how firm the body is; None where that is not known, or there is no stiffness."""
         static = self._static.system
-        if not (static.groups.rigid and isinstance(static, System)) or self._model.contact:
+        if not static.groups.rigid or self._model.contact:
             return None
         from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
 
@@ -269,12 +268,11 @@ class Simulation:
 
     def _state_of_rest(self) -> "RestState | None":
         """Return what follows the rest of a body in motion; None where nothing moves."""
-        system = self._static.system
-        if self._static is self._parts or not isinstance(system, System):
+        if self._static is self._parts:
             return None
         from tripod_sim.rest_state import RestState  # noqa: PLC0415 - only where something moves
 
-        return RestState(system)
+        return RestState(self._static.system)
 
     def _prepare(self) -> None:
         """Make the first step from the start state as fast as the others."""
@@ -300,9 +298,7 @@ class Simulation:
                 raise  # an explicit scheme beyond its limit is told of by the step itself
             keep.copy_to(self.state)
         system = self._system
-        if (
-            isinstance(system, System) and self.scene.solver.mode == "one_solve"
-        ):  # steps that end so may come late
+        if self.scene.solver.mode == "one_solve":  # steps that end so may come late
             system.settle(self.state, np.zeros(system.unknowns), np.zeros_like(system.rest))
         if system.groups.rigid:
             with suppress(StepError):  # a body that nothing holds may have none: who asks for it is told
@@ -414,9 +410,9 @@ class Simulation:
         self.report = total
         return total
 
-    def _keep_forces(self, system: "System | RigidSystem") -> None:
+    def _keep_forces(self, system: System) -> None:
         """Keep what holds the nodes at the end of a step, for `reactions`: `system` is evaluated elsewhere, too."""
-        if self.scene.marker and isinstance(system, System):
+        if self.scene.marker:
             self._held_by[:] = system.gradient
 
     def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> None:
@@ -621,10 +617,10 @@ class Simulation:
     @property
     def unknowns(self) -> int:
         """Number of unknowns of a step, after elimination of constraints and incompatible modes."""
-        return self._system.unknowns
+        return self._system.unknowns + 6 * self._system.groups.free
 
     @property
-    def system(self) -> "System | RigidSystem":
+    def system(self) -> System:
         """What the steps solve."""
         return self._system
 
@@ -667,11 +663,9 @@ class Simulation:
         themselves, so that it is about zero where nodes are free; in explicit ones where nodes are held alone. It is
         NaN where the state is neither the end of a step nor a pose of rest: before the first step, after `restore`.
 
-        Raises SceneError without soft bodies, and where the scene has no such marker.
+        Raises SceneError where the scene has no such marker.
         """
         nodes = self._marked(marker)
-        if not isinstance(self._system, System):
-            raise SceneError("the force on a set is known for soft bodies only, and this scene has none")
         forces = self._held_by[nodes]
         if self.scene.inertia and self.scene.inertia.explicit:
             forces = forces * self._system.groups.held()[nodes]
@@ -717,9 +711,8 @@ class Simulation:
         """Return the energies of the present state."""
         s = self.state
         kinetic = 0.5 * float(self._mass @ (s.velocities**2).sum(axis=1))
-        if isinstance(self._system, System):
-            unused = np.zeros_like(s.velocities)
-            kinetic += sum(term.add_inertia(s.velocities, unused) for term in self._system.terms)
+        unused = np.zeros_like(s.velocities)
+        kinetic += sum(term.add_inertia(s.velocities, unused) for term in self._system.terms)
         strain, gravity = self._system.potentials(s)
         if (rigid := self._parts.rigid) and s.rigid:
             moving, fallen = rigid.energies(s.rigid)
@@ -740,11 +733,6 @@ class Simulation:
             StepError: the static tangent is singular.
         """
         system = self._static.system
-        if not isinstance(system, System):
-            raise SceneError(
-                "springs and rigid bodies have no effector, so they have no compliance; take a scene with a "
-                "solid and [effector]"
-            )
         held = None
         if self._model.contact:
             from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact

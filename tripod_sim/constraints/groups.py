@@ -69,6 +69,7 @@ class Groups:
         pinned: Free nodes that are held along some axes: node and axis, a row for each, shape (k, 2).
         prescribed: How some of what is held moves; None: none of it does.
         places: By number of a rigid body: where its nodes stand in it [m], shape (k, 3); of others as undeformed.
+        free: Number of rigid bodies that hold no node. They come behind those of `rigid`.
     """
 
     size: int
@@ -78,6 +79,7 @@ class Groups:
     pinned: IndexArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     prescribed: "Prescribed | None" = None
     places: Mapping[int, FloatArray] = field(default_factory=dict)
+    free: int = 0
 
     def __post_init__(self) -> None:
         owner: dict[int, str] = {}
@@ -95,7 +97,7 @@ class Groups:
                     "of one of the two"
                 )
             owner.update(dict.fromkeys(nodes.tolist(), name))
-        if len(owner) == self.size:
+        if self.size and len(owner) == self.size:
             raise SceneError("every node of the mesh is held, so nothing can deform; hold fewer nodes")
 
     def placed(self, rest: FloatArray) -> FloatArray:

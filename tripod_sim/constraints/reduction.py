@@ -133,7 +133,7 @@ class Reduction:
         bound = [self._bound_of(elements) for elements in self.blocks]
         own = [np.arange(6 * b + first, 6 * b + first + 6) for b in range(self.bodies)]
         starts = [*(keys for *_, keys in pairs), *(keys for *_, keys in bound)]
-        starts += [b[:, None] * n + b[::3] for b in own]
+        starts += [b[:, None] * n + b[::3] for b in own] or [np.zeros(0, dtype=np.int64)]
         keys = (distinct(np.concatenate([start.ravel() for start in starts]))[:, None] + np.arange(3)).ravel()
         keys = keys[keys % n <= keys // n]
         indptr = np.searchsorted(keys, np.arange(n + 1) * n)

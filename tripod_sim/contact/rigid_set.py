@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.constraints.groups import Groups
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.rigid_state import RigidState
 from tripod_sim.shapes import Shape
-from tripod_sim.state import State
 
 
 class RigidSet:
@@ -109,28 +107,6 @@ class RigidSet:
         """Return where four points are that have mass, centre and inertia of a body [m], shape (4 b, 3)."""
         turned = np.einsum("kij,kaj->kai", state.rotations, self._arms)
         return np.asarray((state.centres[:, None] + turned).reshape(-1, 3))
-
-
-class RigidSystem:
-    """What a scene of rigid bodies alone is to the simulation: a system without a soft body.
-
-    Attributes:
-        unknowns: Six for each body.
-        groups: There are none.
-        torques: Of servos: there are none, shape (0,).
-    """
-
-    def __init__(self, rigid: RigidSet) -> None:
-        self.unknowns = 6 * len(rigid.mass)
-        self.groups, self.torques = Groups(1), np.zeros(0)
-
-    def start_state(self, joints: FloatArray) -> State:
-        """Return a state without nodes."""
-        return State.of_nodes(np.zeros((0, 3)), joints)
-
-    def potentials(self, state: State) -> tuple[float, float]:
-        """Return the energies of the soft body: there is none."""
-        return 0.0, 0.0
 
 
 class JoinedMesh:

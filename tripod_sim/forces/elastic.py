@@ -172,7 +172,7 @@ class Elastic:
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3)."""
-        return sum(t.energy(x, self.of(modes, k)) for k, t in enumerate(self.terms))
+        return sum((t.energy(x, self.of(modes, k)) for k, t in enumerate(self.terms)), 0.0)
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""

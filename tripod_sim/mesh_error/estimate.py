@@ -42,7 +42,6 @@ from tripod_sim.mesh_error.swing import Swing
 from tripod_sim.model import Model
 from tripod_sim.parts import Parts
 from tripod_sim.state import State
-from tripod_sim.system import System
 from tripod_sim.tables.bodies import GENERATED, Mesh
 
 GRADED = 8
@@ -99,7 +98,7 @@ class MeshError:
                 "quadratic mesh on the same cells to compare with; leave out [mesh_error], and compare with a finer one"
             )
         parts, solver = build_model(richer(model)), simulated.solver
-        assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
+        assert isinstance(parts.mesh, SolidMesh)
         self._outside = Outside(model, mesh, parts, simulated)
         system = self._system = self._outside.supported(parts.system, model)
         system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
@@ -160,7 +159,7 @@ class MeshError:
     def _swinging(self, model: Model, richer: Parts) -> Swing | None:
         """Return what lets the error swing; None where nothing moves, or what does is not the body alone."""
         system = self._simulated.system
-        if not model.scheme or model.contact or len(model.bodies) > 1 or not isinstance(system, System):
+        if not model.scheme or model.contact or len(model.bodies) > 1:
             return None
         (count, k), (own_plate, plate) = self._nodes.shape, self._outside.plates
         rows = np.append(np.repeat(np.arange(count), k), plate)
