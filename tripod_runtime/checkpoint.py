@@ -56,7 +56,10 @@ def read_checkpoint(data: bytes, simulation: Simulation) -> Checkpoint:
     try:
         with np.load(io.BytesIO(data[:LARGEST]), allow_pickle=False) as numbers:
             for name, owner, field in _leaves(state):
-                value, own = numbers[f"state.{name}"], getattr(owner, field)
+                own = getattr(owner, field)
+                if np.size(own) == 0 and f"state.{name}" not in numbers:
+                    continue  # checkpoints of earlier versions lack arrays without entries
+                value = numbers[f"state.{name}"]
                 if isinstance(own, np.ndarray):
                     if value.shape != own.shape:
                         raise SceneError(

@@ -105,4 +105,5 @@ class RestState:
         if turn[:s].max(initial=0.0) > FAR or turn[s] > SLID or turn[s + 1 :].any():
             return True
         slow = np.abs(moving.velocities).max() < CALM
-        return bool(slow and np.abs(moving.centres - rest.centres).max() > APART)
+        held = len(self._system.groups.rigid)
+        return bool(slow and np.abs(moving.centres[:held] - rest.centres[:held]).max() > APART)

@@ -157,7 +157,8 @@ class Simulation:
         self._prescribed = self._system.groups.prescribed
         self.state = self._begin(np.zeros(count + 1 + bool(self._prescribed)))
         if parts.rigid:
-            self.state.rigid = parts.rigid.start.copy()
+            for of, begin in zip(self.state.rigid, parts.rigid.start, strict=True):
+                of[:] = begin
         self._begin_errors(parts)
         self.torques = np.zeros(count)
         self._held_by = np.full(
@@ -466,7 +467,7 @@ class Simulation:
         Raises SceneError: the scene has no ball, or something is in that place now.
         """
         rigid, number = self._parts.rigid, self._model.rigid_ball
-        if rigid and self.state.rigid and number is not None:
+        if rigid and number is not None:
             from tripod_sim.contact.rigid_start import put_back  # noqa: PLC0415 - only with contact
             from tripod_sim.mesh.surfaces import Part  # noqa: PLC0415
 
@@ -573,18 +574,15 @@ class Simulation:
 
         With rigid bodies their vertices come last, and it is a new array.
         """
-        rigid, state = self._parts.rigid, self.state.rigid
-        if rigid and state:
+        if rigid := self._parts.rigid:
             soft = self.state.positions[: len(self.mesh.nodes) - rigid.count]
-            return np.concatenate([soft, rigid.vertices(state)])
+            return np.concatenate([soft, rigid.vertices(self.state.rigid)])
         return self.state.positions[: len(self.mesh.nodes)]
 
     @property
     def rigid(self) -> tuple[Pose, ...]:
         """Pose of each rigid body: centre of mass and rotation of its frame; empty in a scene without any."""
-        if not (state := self.state.rigid):
-            return ()
-        pairs = zip(state.centres, state.rotations, strict=True)
+        pairs = zip(*self.state.rigid[:2], strict=True)
         return tuple(Pose(centre.copy(), quaternion(R)) for centre, R in pairs)
 
     @property
@@ -694,11 +692,11 @@ class Simulation:
         """What has become of the ball, in words; empty while nothing has, and without a ball."""
         if self.state.ball:
             return self.state.ball.event
-        rigid, state, number = self._parts.rigid, self.state.rigid, self._model.rigid_ball
-        if not (rigid and state) or number is None:
+        rigid, number = self._parts.rigid, self._model.rigid_ball
+        if not rigid or number is None:
             return ""
         others = np.concatenate([self.state.positions, self._world.obstacles])
-        lost = rigid.below(state, number, others) > LOST
+        lost = rigid.below(self.state.rigid, number, others) > LOST
         return f"ball lost: it fell more than {LOST:g} m below everything else" if lost else ""
 
     @property
@@ -714,7 +712,7 @@ class Simulation:
         unused = np.zeros_like(s.velocities)
         kinetic += sum(term.add_inertia(s.velocities, unused) for term in self._system.terms)
         strain, gravity = self._system.potentials(s)
-        if (rigid := self._parts.rigid) and s.rigid:
+        if rigid := self._parts.rigid:
             moving, fallen = rigid.energies(s.rigid)
             kinetic, gravity = kinetic + float(moving.sum()), gravity + float(fallen.sum())
         return Energies(kinetic, strain, gravity)

@@ -1,7 +1,7 @@
 """What changes each step, and nothing else."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,27 @@ from tripod_sim.copied import Copied
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
-    from tripod_sim.rigid_state import RigidState
     from tripod_sim.robot.servo import ServoState
+
+
+def _none() -> FloatArray:
+    return np.zeros((0, 3))
+
+
+class RigidMotion(NamedTuple):
+    """Poses and velocities of b rigid bodies.
+
+    Attributes:
+        centres: Of mass, in world [m], shape (b, 3).
+        rotations: From each body's frame to world, shape (b, 3, 3).
+        velocities: Of the centres [m/s], shape (b, 3).
+        spins: Angular velocities in world [rad/s], shape (b, 3).
+    """
+
+    centres: FloatArray
+    rotations: FloatArray
+    velocities: FloatArray
+    spins: FloatArray
 
 
 @dataclass(eq=False)
@@ -22,7 +41,7 @@ class State(Copied):
         positions: Of nodes [m], shape (n, 3).
         velocities: Of nodes [m/s], shape (n, 3); zero in statics.
         modes: Amplitudes of the elements' incompatible modes [m], shape (m, 3, 3).
-        centres: Of the rigid bodies [m], shape (b, 3).
+        centres: Of the rigid bodies [m], shape (b, 3): of those that hold nodes, then of the f free ones.
         rotations: Of the rigid bodies, matrices, shape (b, 3, 3).
         joints: Angle of each driven frame [rad] and then their common slide [m], shape (s + 1,); where motions are
             prescribed then the time of these [s], too, shape (s + 2,).
@@ -31,7 +50,8 @@ class State(Copied):
         servos: What the servos remember; None where their angles are ideal.
         ball: The ball; None in a scene without one.
         errors: Those of the time steps, estimated; None where nobody asks for them.
-        rigid: Rigid bodies beside the soft one; None in a scene without any.
+        centre_velocities: Of the free rigid bodies [m/s], shape (f, 3). All others move as the nodes that they hold.
+        spins: Angular velocities of the free rigid bodies, in world [rad/s], shape (f, 3).
         twin: The same scene with steps of half the length; None where the error of the steps is not found so.
         way: How far points have gone and what that erred; None where the steps do not follow that.
     """
@@ -47,13 +67,20 @@ class State(Copied):
     servos: "ServoState | None" = None
     ball: "BallState | None" = None
     errors: "ErrorState | None" = None
-    rigid: "RigidState | None" = None
+    centre_velocities: FloatArray = field(default_factory=_none)
+    spins: FloatArray = field(default_factory=_none)
     twin: "TwinState | None" = None
     way: "WayState | None" = None
 
     def __repr__(self) -> str:
         """Return it in a few words: the arrays would take pages."""
         return f"<State of {len(self.positions)} nodes at {self.time:.6g} s, step {self.step}>"
+
+    @property
+    def rigid(self) -> RigidMotion:
+        """Poses and velocities of the free rigid bodies: views of the arrays of this state."""
+        first = len(self.centres) - len(self.spins)
+        return RigidMotion(self.centres[first:], self.rotations[first:], self.centre_velocities, self.spins)
 
     @classmethod
     def of_nodes(cls, positions: FloatArray, joints: FloatArray) -> "State":
@@ -78,8 +105,9 @@ class State(Copied):
             self.ball.copy_to(other.ball)
         if self.errors and other.errors:
             self.errors.copy_to(other.errors)
-        if self.rigid and other.rigid:
-            self.rigid.copy_to(other.rigid)
+        if self.spins.size:
+            other.centre_velocities[:] = self.centre_velocities
+            other.spins[:] = self.spins
         if self.twin and other.twin:
             self.twin.copy_to(other.twin)
         if self.way and other.way:

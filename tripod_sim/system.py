@@ -180,16 +180,20 @@ class System:
         return found
 
     def undeformed(self, joints: FloatArray) -> State:
-        """Return the undeformed state at the joint values `joints`, as `State.joints`; no node is moved."""
-        n, b = len(self.rest), len(self.groups.rigid)
-        rotations = np.tile(np.eye(3), (b, 1, 1))
+        """Return the undeformed state at the joint values `joints`, as `State.joints`; no node is moved.
+
+        Free rigid bodies stand at the origin, at rest.
+        """
+        free, centres = self.groups.free, self._rest_centres
         return State(
             self.rest.copy(),
-            np.zeros((n, 3)),
+            np.zeros_like(self.rest),
             self.elastic.rest_modes(),
-            self._rest_centres.copy(),
-            rotations,
+            np.concatenate([centres, np.zeros((free, 3))]),
+            np.tile(np.eye(3), (len(centres) + free, 1, 1)),
             joints.copy(),
+            centre_velocities=np.zeros((free, 3)),
+            spins=np.zeros((free, 3)),
         )
 
     def drive(self, state: State, joints: FloatArray) -> None:

@@ -417,12 +417,12 @@ def move_bodies(
     Args:
         centres, rotations: Where they are [m], shape (b, 3), and matrices, shape (b, 3, 3).
         scale: Fraction of the step.
-        solution: The step: from `first` on u [m] and w [rad] of each body.
+        solution: The step: from `first` on u [m] and w [rad] of the first bodies; others are left alone.
         first: Of the bodies' unknowns.
         out_centres, out_rotations: The results; not the arrays that they are made of.
     """
     turn = np.empty(3)
-    for b in range(centres.shape[0]):
+    for b in range((solution.shape[0] - first) // 6):
         k = first + 6 * b
         for i in range(3):
             out_centres[b, i], turn[i] = centres[b, i] + scale * solution[k + i], scale * solution[k + 3 + i]

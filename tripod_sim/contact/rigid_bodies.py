@@ -8,7 +8,7 @@ from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.integrators.history import History
 from tripod_sim.integrators.scheme import Stage
-from tripod_sim.rigid_state import RigidState
+from tripod_sim.state import RigidMotion
 
 
 class RigidBodies(Body):
@@ -57,12 +57,12 @@ class RigidBodies(Body):
         self.pattern = sparse.csc_matrix((np.ones(len(rows)), rows, indptr), shape=(6 * b, 6 * b))
         self._upper = np.array([(i, j) for j in range(6) for i in range(j + 1)]).T
 
-    def load(self, state: RigidState) -> None:
+    def load(self, state: RigidMotion) -> None:
         """Begin a step from `state`."""
         self.centre[:], self.rotation[:] = state.centres, state.rotations
         self.velocity[:], self.spin[:] = state.velocities, state.spins
 
-    def store(self, state: RigidState) -> None:
+    def store(self, state: RigidMotion) -> None:
         """Write where the bodies are now to `state`."""
         state.centres[:], state.rotations[:] = self.centre, self.rotation
         state.velocities[:], state.spins[:] = self.velocity, self.spin

@@ -7,8 +7,8 @@ import numpy as np
 
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
-from tripod_sim.rigid_state import RigidState
 from tripod_sim.shapes import shape_of
+from tripod_sim.state import RigidMotion
 from tripod_sim.tables.bodies import Rigid
 from tripod_sim.tables.sets import Vector
 
@@ -18,7 +18,7 @@ def rigid_set(described: Sequence[tuple[str, Rigid]], gravity: Vector | None) ->
     fields, bodies = zip(*described, strict=True)
     shapes = [shape_of(body, field) for field, body in zip(fields, bodies, strict=True)]
     mass = np.array([body.mass for body in bodies])
-    start = RigidState(
+    start = RigidMotion(
         np.array([body.position for body in bodies]),
         np.array([quaternion_matrix(body.orientation) for body in bodies]),
         np.array([body.velocity for body in bodies]),

@@ -10,8 +10,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.mesh.surfaces import Part
-from tripod_sim.rigid_state import RigidState
 from tripod_sim.shapes import Shape
+from tripod_sim.state import RigidMotion
 
 
 class RigidSet:
@@ -30,7 +30,7 @@ class RigidSet:
         self,
         shapes: list[Shape],
         mass: FloatArray,
-        start: RigidState,
+        start: RigidMotion,
         gravity: FloatArray,
         fields: tuple[str, ...],
     ) -> None:
@@ -46,12 +46,12 @@ class RigidSet:
         """The surfaces with which they touch, about their centres."""
         return [s.part for s in self.shapes]
 
-    def placed(self, number: int, state: RigidState) -> Part:
+    def placed(self, number: int, state: RigidMotion) -> Part:
         """Return the surface of one of them where it is."""
         part, turned = self.shapes[number].part, state.rotations[number]
         return replace(part, vertices=state.centres[number] + part.vertices @ turned.T)
 
-    def vertices(self, state: RigidState) -> FloatArray:
+    def vertices(self, state: RigidMotion) -> FloatArray:
         """Return where the vertices that show the bodies are [m], shape (k, 3)."""
         placed = [
             c + s.vertices @ R.T for s, c, R in zip(self.shapes, state.centres, state.rotations, strict=True)
@@ -69,7 +69,7 @@ class RigidSet:
         first = np.cumsum([0, *[len(s.vertices) for s in self.shapes]])
         return np.concatenate([s.triangles + k for s, k in zip(self.shapes, first, strict=False)])
 
-    def below(self, state: RigidState, number: int, others: FloatArray) -> float:
+    def below(self, state: RigidMotion, number: int, others: FloatArray) -> float:
         """Return how far body `number` is below all `others`, shape (k, 3), and bodies [m]; 0 without gravity."""
         size = float(np.linalg.norm(self.gravity))
         if not size:
@@ -79,7 +79,7 @@ class RigidSet:
         lowest = depth[bodies != number].max(initial=lowest)
         return float(depth[bodies == number].min() - lowest) / size
 
-    def energies(self, state: RigidState) -> tuple[FloatArray, FloatArray]:
+    def energies(self, state: RigidMotion) -> tuple[FloatArray, FloatArray]:
         """Return kinetic energy and potential of gravity, zero at the start, of each body [J], shape (b,)."""
         turned = np.einsum("kji,kj->ki", state.rotations, state.spins)  # in the body's frame
         kinetic = 0.5 * self.mass * (state.velocities**2).sum(axis=1)
@@ -103,7 +103,7 @@ class RigidSet:
         """Of the `points` [kg], shape (b, 4)."""
         return np.repeat(self.mass[:, None] / 4, 4, axis=1)
 
-    def points(self, state: RigidState) -> FloatArray:
+    def points(self, state: RigidMotion) -> FloatArray:
         """Return where four points are that have mass, centre and inertia of a body [m], shape (4 b, 3)."""
         turned = np.einsum("kij,kaj->kai", state.rotations, self._arms)
         return np.asarray((state.centres[:, None] + turned).reshape(-1, 3))

@@ -7,7 +7,7 @@ from tripod_sim.contact.rigid_set import RigidSet
 from tripod_sim.contact.start import height_that_frees, passing
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.surfaces import Part
-from tripod_sim.rigid_state import RigidState
+from tripod_sim.state import RigidMotion
 
 
 def overlaps(one: Part, other: Part) -> bool:
@@ -63,7 +63,7 @@ def check_beside(rigid: RigidSet, soft: Part) -> None:
             )
 
 
-def put_back(rigid: RigidSet, state: RigidState, number: int, beside: list[tuple[str, Part]]) -> None:
+def put_back(rigid: RigidSet, state: RigidMotion, number: int, beside: list[tuple[str, Part]]) -> None:
     """Put a body to where it begins, at rest, others staying where they are.
 
     Args:
@@ -83,5 +83,5 @@ def put_back(rigid: RigidSet, state: RigidState, number: int, beside: list[tuple
                 f"{rigid.fields[number]} cannot return to its start: {name} is there now; move that away "
                 "first, or reset all"
             )
-    for of, begin in zip(vars(state).values(), vars(rigid.start).values(), strict=True):
+    for of, begin in zip(state, rigid.start, strict=True):
         of[number] = begin[number]

@@ -80,7 +80,7 @@ class ContactStepper(Integrator):
         """Put the bodies where `state` has them, to move within `h` [s] with driven frames that go to `joints`."""
         if self.world.nodes:
             self.world.nodes.load(state, joints, h)
-        if self.world.rigid and state.rigid:
+        if self.world.rigid:
             self.world.rigid.load(state.rigid)
         if self.world.kinematic:
             self.world.kinematic.load(state, joints, h)
@@ -95,7 +95,7 @@ class ContactStepper(Integrator):
             nodes.store(state)
             if world.some_held:
                 nodes.add_reactions(world.forces()[: len(nodes.base)])
-        if rigid and state.rigid:
+        if rigid:
             rigid.store(state.rigid)
         done = StepReport(
             iterations=effort.iterations,

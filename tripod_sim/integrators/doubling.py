@@ -10,7 +10,6 @@ The twin goes along from the start on, so that this is the whole error; steps of
 add (`path_error_control`).
 """
 
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,9 +79,7 @@ class Doubling(Integrator):
     def _shown(self, state: State) -> FloatArray:
         """Return the positions of all nodes and vertices [m], as the simulation shows them."""
         soft = state.positions[: self._nodes]
-        return (
-            np.concatenate([soft, self._rigid.vertices(state.rigid)]) if self._rigid and state.rigid else soft
-        )
+        return np.concatenate([soft, self._rigid.vertices(state.rigid)]) if self._rigid else soft
 
 
 def _bare(state: State) -> State:
@@ -95,6 +92,4 @@ def _bare(state: State) -> State:
 def _same(one: State, other: State) -> bool:
     """Return whether two states have the same positions, velocities and joints."""
     pairs = [(one.positions, other.positions), (one.velocities, other.velocities), (one.joints, other.joints)]
-    if one.rigid and other.rigid:
-        pairs += [(getattr(one.rigid, f.name), getattr(other.rigid, f.name)) for f in fields(one.rigid)]
-    return all(np.array_equal(a, b) for a, b in pairs)
+    return all(np.array_equal(a, b) for a, b in (*pairs, *zip(one.rigid, other.rigid, strict=True)))

@@ -298,18 +298,8 @@ class PathErrorControl(StepControl):
             out[k, : self._soft] = values[: self._soft]
             if len(self._disc):
                 out[k, self._kinds[1]] = values[self._disc]
-        if r := state.rigid:
-            write_corners(
-                self._soft,
-                self._corners,
-                self._body,
-                r.centres,
-                r.rotations,
-                r.velocities,
-                r.spins,
-                out[0],
-                out[1],
-            )
+        if len(self._corners):
+            write_corners(self._soft, self._corners, self._body, *state.rigid, out[0], out[1])
 
     def _measure(self, known: WayState, h: float, time: float, contact: "ContactReport | None") -> None:
         """Write what a part of `h` [s], which ended `time` [s] after the start, added, and the ways that it made."""

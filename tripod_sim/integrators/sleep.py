@@ -152,11 +152,11 @@ class Sleeping:
         return report
 
     def _velocities(self, state: State) -> list[FloatArray]:
-        return [state.velocities] + ([state.rigid.velocities, state.rigid.spins] if state.rigid else [])
+        return [state.velocities, state.centre_velocities, state.spins]
 
     def _positions(self, state: State) -> FloatArray:
         """Return where all mass is [m], shape (n, 3): nodes, then the points of the rigid bodies."""
-        if not (self._rigid and state.rigid):
+        if not self._rigid:
             return state.positions
         return np.concatenate([state.positions, self._rigid.points(state.rigid)])
 
@@ -173,7 +173,7 @@ class Sleeping:
             moving = 0.5 * float(self._soft @ np.einsum("ni,ni->n", state.velocities, state.velocities))
             kinetic, potential = np.array([moving]), np.array([strain + weight])
             size = abs(strain) + abs(weight)
-        if self._rigid and state.rigid:
+        if self._rigid:
             of_rigid, fallen = self._rigid.energies(state.rigid)
             kinetic, potential = np.append(kinetic, of_rigid), np.append(potential, fallen)
             size += float(np.abs(fallen).sum())
