@@ -65,7 +65,6 @@ def pressing(world: ContactSolver) -> np.ndarray:
 def moved(world: ContactSolver, simulation: Simulation, shift: FLOATS, turn: FLOATS, disc: FLOATS) -> FLOATS:
     """Return the vertices of all contacts after a move of the plank, and a shift `disc` of the disc [m]."""
     x, part = world.positions.copy(), world.surfaces.body
-    assert simulation.state.rigid
     centre = simulation.state.rigid.centres[0]
     x[part == 1] = centre + shift + (x[part == 1] - centre) @ rotation_matrix(turn).T
     x[part == 0] += disc
@@ -133,7 +132,6 @@ def test_a_plank_that_turns_along_with_the_disc_slips_on_the_post_alone(bridged:
     c, of = world.contacts.arrays, pressing(world)
     rows = rest.rows(system, rest.holding(system).unknowns)
     sticking = np.flatnonzero(np.bincount(rest.of, minlength=len(of)) == 3)  # the others slip anyhow
-    assert simulation.state.rigid
     centres = simulation.state.centres[0], simulation.state.rigid.centres[0]
     turn, about = np.array([0.3, -0.5, 0.8]), np.array([0.01, 0.02, -0.03])
     shifts = [np.cross(turn, centre - about) for centre in centres]

@@ -40,7 +40,6 @@ def sliding(friction: float, response: str, steps: int = 200) -> tuple[float, fl
     speeds = []
     for _ in range(steps):
         simulation.step()
-        assert simulation.state.rigid
         speeds.append(float(simulation.state.rigid.velocities[0] @ DOWN))
     half = steps // 2
     return (speeds[-1] - speeds[half]) / ((steps - 1 - half) * simulation.scene.dt), speeds[-1]

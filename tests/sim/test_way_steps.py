@@ -223,7 +223,7 @@ def test_a_step_that_is_taken_back_leaves_what_the_next_looks_back_on(
 ) -> None:
     def after(taken_back: str) -> np.ndarray:
         simulation = made(scene, *words, "inertia.scheme=bdf2", "dt=0.004", "sleep=off")
-        if simulation.state.rigid:
+        if len(simulation.state.spins):
             simulation.state.rigid.spins[0] = 5.0, 1.0, 2.0
         simulation.state.velocities[:, 0] = np.linspace(0.0, 0.2, len(simulation.state.velocities))
         stepper = simulation._stepper
