@@ -63,24 +63,7 @@ def build_model(model: Model, progress: Progress | None = None, say: Say | None 
 
 def _built(model: Model, progress: Progress | None = None, say: Say | None = None) -> Parts:
     """Return the parts of a simulation before effects change them."""
-    if model.rigid and not model.bodies:
-        return _of_rigid_bodies(model)
-    return _of_terms(model, progress, say or (lambda text: None))
-
-
-def _of_rigid_bodies(model: Model) -> Parts:
-    """Return the parts of a simulation of rigid bodies alone."""
-    from tripod_sim.contact.contact_build import touching
-
-    assert model.contact
-    mesh, _, rigid, stepper = touching(model, model.contact, None, [], None, None)
-    assert rigid
-    system = System(np.zeros((0, 3)), (), Groups(0, free=len(rigid.mass)))
-    return Parts(mesh, np.zeros(0), system, stepper, rigid=rigid)
-
-
-def _of_terms(model: Model, progress: Progress | None, say: Say) -> Parts:
-    """Return the parts of a simulation of soft bodies, whose potential is a list of terms."""
+    say = say or (lambda text: None)
 
     def read(description: Mesh) -> SolidMesh:
         say(f"making the mesh {description.source!r}")
@@ -134,9 +117,10 @@ def _of_terms(model: Model, progress: Progress | None, say: Say) -> Parts:
         )  # fmt: skip
 
     elements = sum(body.solid.count for body in assembly.bodies if body.solid)
-    say(f"looking for an order of the unknowns: {elements} elements")
+    if assembly.bodies:
+        say(f"looking for an order of the unknowns: {elements} elements")
     system = made(draft.groups)
-    say(f"preparing the first step: {elements} elements, {system.unknowns} unknowns")
+    say(f"preparing the first step: {elements} elements, {system.step_unknowns} unknowns")
     if platforms and not model.scheme:
         system.assembly = platforms.bending(assembly, made, model.solver, progress)
     stepping = [(effect.step, table) for effect, table in model.effects if effect.step]

@@ -615,7 +615,7 @@ class Simulation:
     @property
     def unknowns(self) -> int:
         """Number of unknowns of a step, after elimination of constraints and incompatible modes."""
-        return self._system.unknowns + 6 * self._system.groups.free
+        return self._system.step_unknowns
 
     @property
     def system(self) -> System:

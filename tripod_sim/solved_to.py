@@ -27,10 +27,11 @@ def solved_to(model: Model, masses: Iterable[float], dead: FloatArray | None = N
 
     Args:
         model: Of the scene.
-        masses: Of each soft body [kg].
+        masses: Of each soft body [kg]; none where all bodies are rigid.
         dead: Dead loads on nodes [N], shape (n, 3); None without any.
     """
-    if model.solver.tolerance != Solver.tolerance:
+    masses = list(masses)
+    if model.solver.tolerance != Solver.tolerance or not masses:
         return model
     gravity = float(np.linalg.norm(model.gravity)) if model.gravity else 0.0
     force = float(min(masses)) * (gravity or STANDARD)

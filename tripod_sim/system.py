@@ -159,6 +159,11 @@ class System:
         """Number of unknowns, after elimination of constraints and incompatible modes."""
         return self.reduction.unknowns
 
+    @property
+    def step_unknowns(self) -> int:
+        """Number of unknowns of a step: `unknowns`, and six of each free rigid body."""
+        return self.unknowns + 6 * self.groups.free
+
     def potentials(self, state: State) -> tuple[float, float]:
         """Return strain energy, that of compliant clamps included, and potential in gravity [J]."""
         strain, gravity = self.elastic.energy(state.positions, state.modes), 0.0

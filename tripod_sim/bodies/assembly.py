@@ -84,7 +84,7 @@ class Assembly:
 
     def __init__(self, bodies: Sequence[SoftBody]) -> None:
         self.bodies = tuple(bodies)
-        self.nodes = np.empty((1 + max(int(b.nodes.max()) for b in bodies), 3))
+        self.nodes = np.empty((max((1 + int(b.nodes.max()) for b in bodies), default=0), 3))
         for body in reversed(self.bodies):  # tied nodes stand where the earlier body has them
             self.nodes[body.nodes] = body.mesh.nodes
 

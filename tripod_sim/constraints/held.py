@@ -68,7 +68,7 @@ def held_groups(
                     "leave them out of one of the two"
                 )
             owner[held, axis] = len(names) - 1
-    if (owner >= 0).all():
+    if owner.size and (owner >= 0).all():
         raise SceneError(f"{', '.join(names)} hold every node, so nothing can deform; hold fewer nodes")
     own = owner >= len(groups)
     whole = np.flatnonzero(own.all(axis=1))

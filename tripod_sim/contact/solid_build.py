@@ -127,17 +127,19 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     found = surfaces(assembly, contact)
     for s in found:
         draft.notes += near_itself(s.part, contact.contact_distance, s.name)
-    vertices = np.concatenate([s.nodes for s in found])
-    newton = Newton(system, model.solver.tolerance, model.solver.max_iterations)
-    stage = ImplicitStage(newton, inertia, mass, model.drag)
-    near = contact.tolerance * contact.contact_distance
-    nodes = SolidNodes(stage, mass, vertices, MODES * model.solver.tolerance, near, draft.bound)
+    soft, mesh, skin = None, None, None
+    if found:
+        vertices = np.concatenate([s.nodes for s in found])
+        newton = Newton(system, model.solver.tolerance, model.solver.max_iterations)
+        stage = ImplicitStage(newton, inertia, mass, model.drag)
+        near = contact.tolerance * contact.contact_distance
+        nodes = SolidNodes(stage, mass, vertices, MODES * model.solver.tolerance, near, draft.bound)
+        soft = nodes, [s.part for s in found]
+        mesh, skin, _ = shown(assembly)
     there = [s for s in found if not (model.posed and s.first == 0)]
     alone = len(assembly.bodies) == 1
     placed = [("the soft body" if alone else s.name, s.part) for s in there]
-    mesh, skin, rigid, stepper = touching(
-        model, contact, (nodes, [s.part for s in found]), placed, *shown(assembly)[:2]
-    )
+    mesh, skin, rigid, stepper = touching(model, contact, soft, placed, mesh, skin)
 
     def check_start_of(positions: FloatArray) -> None:
         """Name what passes through what where the servos have brought the first body."""
