@@ -28,7 +28,7 @@ ROOMS = {
     "forces": ("forces",),
     "robot": ("robot",),
     "ball": ("ball",),
-    "state": ("state", "rigid_state"),
+    "state": ("state",),
     "system": ("system",),
     "integrators": ("integrators",),
     "maze": ("maze",),

@@ -1,19 +1,17 @@
-"""What moves in a step with contact: each body is a potential in its unknowns."""
+"""What moves in a step with contact: each body is a potential in its unknowns, and its surfaces follow these."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.state import State
 
-if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.forces.strain_bound import StrainBound
-
 
 class Body:
     """The potential of one stage of an implicit scheme in a body's unknowns u, the moves over the stage.
 
-    What a body says nothing of does nothing.
+    A body is read from a state at the start of a step, and written to it at the end. What a body says nothing of does
+    nothing.
 
     Attributes:
         unknowns: Their number.
@@ -21,6 +19,9 @@ class Body:
         pattern: Upper triangle of the Hessian, CSC, with full blocks of nodes or bodies; `hessian` writes its data.
         reach: By how much each of them moves points of the body at most [m], per m 1, per rad the largest arm, shape
             (unknowns,).
+        base, width: First unknown of each vertex of its surfaces, -1 if it never moves, and 3 (node) or 6 (rigid
+            group), shape (k,).
+        held: Along which axes each vertex does not yield, whatever presses it, shape (k, 3).
         looked_back: Whether the next stage may look back on the last.
         served: Whether the Hessian of the stage before serves: then `begin` need not prepare another.
     """
@@ -29,12 +30,37 @@ class Body:
     given: Any
     pattern: Any
     reach: Any
+    base: Any
+    width: Any
+    held: Any
     looked_back = served = False
 
     @property
     def lasting(self) -> bool:
         """Whether the Hessian of a step may serve in the next."""
         return True
+
+    def load(self, state: State, joints: FloatArray, dt: float) -> None:
+        """Begin a step of `dt` [s] from `state`, in which driven frames move to `joints`."""
+
+    def store(self, state: State) -> None:
+        """Write where the body is now, and how it moves, to `state`."""
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+
+    def place(self, positions: FloatArray, arm: FloatArray) -> None:
+        """Write the vertices and their arms from the centres of rigid groups [m], both of shape (k, 3)."""
+
+    def ends(self, u: FloatArray, out: FloatArray) -> None:
+        """Write where the vertices are after the moves `u` [m], shape (k, 3)."""
+
+    def taut(self) -> bool:
+        """Return whether a bound of its strains pulls."""
+        return False
+
+    def add_reactions(self, forces: FloatArray) -> None:
+        """Tell servos, and what else holds nodes, what forces on the vertices [N], shape (k, 3), ask of them."""
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return the arrays that the next stage may look back on."""
@@ -77,65 +103,3 @@ class Body:
 
     def add_velocity(self, change: FloatArray) -> None:
         """Add to the present velocities of the unknowns [m/s, rad/s], shape (unknowns,)."""
-
-
-class Nodes(Body):
-    """A deformable body, whose surface's vertices follow its unknowns.
-
-    Attributes:
-        base, width: First unknown of each vertex, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
-        held: Along which axes each vertex does not yield, whatever presses it, shape (k, 3).
-        bound: Of their strains; None without one.
-    """
-
-    base: Any
-    width: Any
-    held: Any
-    bound: "StrainBound | None"
-
-    def load(self, state: State, joints: FloatArray, dt: float) -> None:
-        """Begin a step of `dt` [s] from `state`, in which driven frames move to `joints`."""
-
-    def store(self, state: State) -> None:
-        """Write where the body is now to `state`."""
-
-    def forget(self) -> None:
-        """Drop what was kept from earlier steps."""
-
-    def place(self, positions: FloatArray, arm: FloatArray) -> None:
-        """Write the vertices and their arms from the centres of rigid groups [m], both of shape (k, 3)."""
-
-    def ends(self, u: FloatArray, out: FloatArray) -> None:
-        """Write where the vertices are after the moves `u` [m], shape (k, 3)."""
-
-    def moved(self, u: FloatArray) -> FloatArray:
-        """Return where all nodes are after the moves `u` [m], shape (n, 3), a view that the next call overwrites."""
-        raise NotImplementedError
-
-    def anew(self) -> None:
-        """Drop what is known of the potential at some moves: the bound of strains has changed."""
-
-    def exceeds(self, u: FloatArray) -> bool:
-        """Return whether strains after the moves `u` are larger than their bound."""
-        return self.bound is not None and self.bound.exceeded(self.moved(u))
-
-    def taut(self) -> bool:
-        """Return whether their bound pulls."""
-        return self.bound is not None and self.bound.pulls
-
-    def tighten(self) -> None:
-        """Stiffen what bounds the strains."""
-        if self.bound:
-            self.bound.harden()
-            self.anew()
-
-    def settle(self, u: FloatArray) -> float:
-        """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
-        if not self.bound:
-            return 0.0
-        error = self.bound.settle(self.moved(u))
-        self.anew()
-        return error
-
-    def add_reactions(self, forces: FloatArray) -> None:
-        """Tell servos, and what else holds nodes, what forces on the vertices [N], shape (k, 3), ask of them."""

@@ -7,7 +7,6 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
-from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.stepper import contact_steps
@@ -24,6 +23,7 @@ from tripod_sim.tables.sets import Vector
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet
     from tripod_sim.contact.servo_bodies import ServoBodies
+    from tripod_sim.contact.solid_nodes import SolidNodes
 
 PATIENCE = 10
 """How many times `contact.max_solves` a step may take where an accuracy is asked for: what is wrong with forces that
@@ -59,7 +59,7 @@ def upward(gravity: Vector | None) -> FloatArray:
 def touching(
     model: Model,
     contact: Contact,
-    soft: tuple[Nodes, list[Part]] | None,
+    soft: "tuple[SolidNodes, list[Part]] | None",
     placed: list[tuple[str, Part]],
     mesh: Any,
     skin: Any,
@@ -101,7 +101,10 @@ def _servo_bodies(model: Model) -> "ServoBodies | None":
 
 
 def contact_stepper(
-    model: Model, contact: Contact, soft: tuple[Nodes, list[Part]] | None, rigid: "RigidSet | None" = None
+    model: Model,
+    contact: Contact,
+    soft: "tuple[SolidNodes, list[Part]] | None",
+    rigid: "RigidSet | None" = None,
 ) -> Stepper:
     """Return what advances soft bodies and rigid ones, as far as there are any, among the obstacles of a model."""
     tolerance, most = contact.tolerance, contact.max_solves

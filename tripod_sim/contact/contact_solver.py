@@ -20,7 +20,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import response_kernels as kernels
-from tripod_sim.contact.bodies import Body, Nodes
+from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.hit_kernels import hits, meets
@@ -35,6 +35,7 @@ from tripod_sim.mesh.surfaces import Part, join
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies
     from tripod_sim.contact.servo_bodies import ServoBodies
+    from tripod_sim.contact.solid_nodes import SolidNodes
 
 
 TINY = 1e-12
@@ -49,6 +50,8 @@ class ContactSolver:
         soft: How many surfaces these have, the first ones.
         rigid: The rigid bodies; None for none.
         kinematic: The bodies of servos; None for none.
+        bodies: All of these, in this order.
+        ranges: The surface vertices of each of them.
         obstacles: Vertices of what never moves [m], shape (k, 3).
         positions: Of all surface vertices at the start of the step [m].
         contacts: Of the last step.
@@ -78,7 +81,7 @@ class ContactSolver:
         scheme: ImplicitScheme = implicit_euler.SCHEME,
         *,
         obstacles: list[Part],
-        nodes: tuple[Nodes, list[Part]] | None = None,
+        nodes: "tuple[SolidNodes, list[Part]] | None" = None,
         rigid: "tuple[RigidBodies, list[Part]] | None" = None,
         kinematic: "ServoBodies | None" = None,
     ) -> None:
@@ -96,56 +99,44 @@ class ContactSolver:
         self.law, self._slow = law, min(0.5 * alarm, alarm - law.distance)
         self.nodes, self.rigid = nodes[0] if nodes else None, rigid[0] if rigid else None
         self.kinematic, self.soft = kinematic, len(nodes[1]) if nodes else 0
-        moving = (nodes[1] if nodes else []) + (rigid[1] if rigid else [])
-        parts = moving + (kinematic.parts if kinematic else []) + obstacles
-        self.surfaces, self.positions = join(parts)
-        first = np.concatenate([[0], np.cumsum([len(p.vertices) for p in parts])]).astype(np.int64)
-        n = int(first[-1])
-        base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
-        self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
-        self._node_range = slice(0, int(first[self.soft]))
-        self._kinematic_range = slice(int(first[len(moving)]), int(first[len(parts) - len(obstacles)]))
-        self.obstacles = self.positions[self._kinematic_range.stop :].copy()
+        moving: list[tuple[Body, list[Part]]] = []
         if nodes:
-            base[self._node_range], width[self._node_range] = nodes[0].base, nodes[0].width
-            at = nodes[0].unknowns
-            bodies.append(nodes[0])
+            moving.append(nodes)
         if rigid:
-            for k, part in enumerate(rigid[1], self.soft):
-                own = slice(int(first[k]), int(first[k + 1]))
-                base[own], width[own] = at + 6 * (k - self.soft), 6
-                rigid[0].reach.reshape(-1, 6)[k - self.soft, 3:] = part.reach
-                self._arm[own] = part.vertices
-            bodies.append(rigid[0])
+            rigid[0].bound_by(rigid[1])
+            moving.append(rigid)
         if kinematic:
-            base[self._kinematic_range] = kinematic.base + sum(body.unknowns for body in bodies)
-            bodies.append(kinematic)
-        self._shape_arm, self._end_arm = self._arm.copy(), np.empty_like(self._arm)
-        self._first = first[self.soft : self.soft + len(rigid[1]) + 1] if rigid else first[:1]
+            moving.append((kinematic, kinematic.parts))
+        self.bodies = [body for body, _ in moving]
+        self.surfaces, self.positions = join([part for _, own in moving for part in own] + obstacles)
+        ends = np.cumsum([0, *(len(body.base) for body in self.bodies)]).tolist()
+        self.ranges = [slice(*of) for of in pairwise(ends)]
+        self.obstacles, n = self.positions[ends[-1] :].copy(), len(self.positions)
+        base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
+        self._arm, self._yields, at = np.zeros((n, 3)), np.zeros((n, 3), dtype=bool), 0
+        for body, own in zip(self.bodies, self.ranges, strict=True):
+            base[own], width[own] = np.where(body.base >= 0, body.base + at, -1), body.width
+            self._yields[own] = ~body.held
+            at += body.unknowns
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
-        self._yields = np.repeat(base[:, None] >= 0, 3, axis=1)
-        if nodes:
-            self._yields[self._node_range] = ~nodes[0].held
-        self._yields[self._kinematic_range] = False
-        self.some_held = bool(nodes and nodes[0].held.any())
+        self.some_held = any(body.held.any() for body in self.bodies)
         self.contacts, self._kept = ContactSet(), ContactSet()
-        self.problem = StepProblem(bodies, self.contacts)
-        self._bodies, self._scheme, self._before = bodies, scheme, 0.0
+        self.problem = StepProblem(self.bodies, self.contacts)
+        self._scheme, self._before = scheme, 0.0
         self._history: tuple[float, list[FloatArray]] = 0.0, []
         self._looks_back, self.solved = scheme.is_multistep, True
-        for body in bodies:
+        for body in self.bodies:
             body.looked_back = self._looks_back
         self._bounded = nodes[0] if nodes and nodes[0].bound else None
         self.response = Response(
             law, self.problem, self.contacts, self._bounded, apart=rigid is not None or self.soft > 1
         )
-        self._ends, self._u = np.zeros_like(self.positions), np.zeros(self.problem.unknowns)
+        self._ends, self._u = self.positions.copy(), np.zeros(self.problem.unknowns)
         self._place()
         held = np.asarray(~self._yields.any(axis=1))
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
-        self._impact = Impact(
-            law, self.contacts, bodies, self.problem.slices, nodes[0].unknowns if nodes else 0
-        )
+        soft = nodes[0].unknowns if nodes else 0
+        self._impact = Impact(law, self.contacts, self.bodies, self.problem.slices, soft)
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self._warm_up()
 
@@ -177,44 +168,34 @@ class ContactSolver:
     def owners(self) -> tuple[IndexArray, IndexArray]:
         """Return the node and the rigid body of each surface vertex, -1 for none, both of shape (n,)."""
         row, body = np.full((2, len(self.positions)), -1, dtype=np.int64)
+        at = dict(zip(map(id, self.bodies), self.ranges, strict=True))
         if self.nodes:
-            row[self._node_range] = getattr(self.nodes, "nodes", np.arange(self._node_range.stop))
-        for k, own in enumerate(pairwise(self._first.tolist())):
-            body[slice(*own)] = k
+            row[at[id(self.nodes)]] = self.nodes.nodes
+        if self.rigid:
+            body[at[id(self.rigid)]] = self.rigid.owners()
         return row, body
 
     def keep_history(self) -> None:
         """Remember what the next step may look back on, for `recall_history`."""
-        self._history = self._before, [a.copy() for body in self._bodies for a in body.past()]
+        self._history = self._before, [a.copy() for body in self.bodies for a in body.past()]
 
     def recall_history(self) -> None:
         """Let the next step look back on what that of `keep_history` would have; forces stay a first guess."""
         self._before, past = self._history
         if not self._before:  # it looks back on nothing
             return
-        for array, kept in zip([a for body in self._bodies for a in body.past()], past, strict=True):
+        for array, kept in zip([a for body in self.bodies for a in body.past()], past, strict=True):
             array[:] = kept
 
     def _place(self) -> None:
-        """Write `positions` of moving vertices, from nodes and rigid bodies."""
-        if self.nodes:
-            self.nodes.place(self.positions[self._node_range], self._arm[self._node_range])
-        if self.rigid:
-            self.rigid.place(self._first, self._shape_arm, self._arm, self.positions)
-        if self.kinematic:
-            self.kinematic.place(self.positions[self._kinematic_range])
+        """Write `positions` of moving vertices, and their arms."""
+        for body, own in zip(self.bodies, self.ranges, strict=True):
+            body.place(self.positions[own], self._arm[own])
 
     def _ends_of(self, u: FloatArray) -> None:
         """Write where vertices are after the moves `u`."""
-        self._ends[:] = self.positions
-        parts = self.problem.slices
-        if self.nodes:
-            self.nodes.ends(u[parts[0]], self._ends[self._node_range])
-        if self.rigid:
-            own = u[parts[1 if self.nodes else 0]]
-            self.rigid.ends(own, self._first, self._shape_arm, self._end_arm, self._ends)
-        if self.kinematic:
-            self.kinematic.ends(u[parts[-1]], self._ends[self._kinematic_range])
+        for body, own, part in zip(self.bodies, self.ranges, self.problem.slices, strict=True):
+            body.ends(u[part], self._ends[own])
 
     def forces(self) -> FloatArray:
         """Return what contacts pressed and pulled all surface vertices with in the last step [N], shape (n, 3)."""
@@ -268,11 +249,11 @@ class ContactSolver:
         self._begin(stage, stage.s)
         if self._respond(u, stage, report) < 1.0:
             return np.inf
-        inverse = inverse_masses(self._bodies, self.problem.slices)
+        inverse = inverse_masses(self.bodies, self.problem.slices)
         give = np.diagonal(inverse, axis1=1, axis2=2).ravel()
         moved = give > 0.0
         self._finish(u)
-        for body in self._bodies:
+        for body in self.bodies:
             body.stop()
         report.parts += 1
         self._tell(report)
@@ -332,7 +313,7 @@ class ContactSolver:
         self._prepare(stage)
         if not self._looks_back:
             return np.inf
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
+        for body, part in zip(self.bodies, self.problem.slices, strict=True):
             body.rate_at_start(self._start_rate[part])
         return float(meets(c.arrays, c.count, self._start_rate, u, self._slowest(h)))
 
@@ -353,7 +334,7 @@ class ContactSolver:
         Something hits; or the forces are not found; or a bound of strains pulls, or a spring of penalty presses, which
         have no damping but that of implicit Euler.
         """
-        if not self.solved or (self.nodes and self.nodes.taut()):
+        if not self.solved or any(body.taut() for body in self.bodies):
             return True
         c, law = self.contacts, self.law
         if not (c.arrays.pressure[: c.count] > 0.0).any():
@@ -369,7 +350,7 @@ class ContactSolver:
 
     def _rates_at_end(self, u: FloatArray) -> FloatArray:
         """Write the velocities of the unknowns after the moves `u` to `_end_rate`, and return it."""
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
+        for body, part in zip(self.bodies, self.problem.slices, strict=True):
             body.rate_at_end(u[part], self._end_rate[part])
         return self._end_rate
 
@@ -456,7 +437,7 @@ class ContactSolver:
 
     def _finish(self, u: FloatArray) -> None:
         """Let the bodies make the moves `u`."""
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
+        for body, part in zip(self.bodies, self.problem.slices, strict=True):
             body.finish(u[part])
 
     def _rebound(self, report: ContactReport, h: float) -> None:

@@ -8,15 +8,18 @@ are where the next begins: at rest one round is enough.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.contact import response_kernels as kernels
-from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.condensed_contact import CondensedContact
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.problem import StepProblem
+
+if TYPE_CHECKING:  # only with soft bodies
+    from tripod_sim.contact.solid_nodes import SolidNodes
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ class Response:
         law: Law,
         problem: StepProblem,
         contacts: ContactSet,
-        bounded: Nodes | None = None,
+        bounded: "SolidNodes | None" = None,
         *,
         apart: bool = False,
     ) -> None:

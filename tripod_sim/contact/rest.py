@@ -19,7 +19,6 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.rest_bodies import Touching, loose
 from tripod_sim.contact.rest_rows import Points, Rest
-from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.state import State
@@ -51,7 +50,7 @@ def rest_of(
         rigid: The rigid bodies of the scene.
     """
     stepper = integrator_of(stepper)
-    if not isinstance(stepper, ContactStepper) or not isinstance(stepper.world.nodes, SolidNodes):
+    if not isinstance(stepper, ContactStepper) or not stepper.world.nodes:
         return None, ()
     world, nodes = stepper.world, stepper.world.nodes.nodes
     giving = (system.reduction.kind[nodes] == Kind.FIXED) & ~stepper.world.nodes.held.all(axis=1)

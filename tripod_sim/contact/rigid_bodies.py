@@ -4,11 +4,13 @@ import numpy as np
 from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.constraints.reduction import move_bodies
 from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.integrators.history import History
 from tripod_sim.integrators.scheme import Stage
-from tripod_sim.state import RigidMotion
+from tripod_sim.mesh.surfaces import Part
+from tripod_sim.state import RigidMotion, State
 
 
 class RigidBodies(Body):
@@ -28,7 +30,7 @@ class RigidBodies(Body):
         inertia: About the centre in the body's frame [kg m²], shape (b, 3, 3).
         centre, velocity, spin: [m], [m/s], [rad/s], in world, shape (b, 3).
         rotation: From the body's frame to world, shape (b, 3, 3).
-        given, reach, looked_back: See `Body`.
+        given, reach, base, width, held, looked_back: See `Body`.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class RigidBodies(Body):
         self.rotation = np.tile(np.eye(3), (b, 1, 1))
         self.unknowns, self.given = 6 * b, np.zeros(0, dtype=np.int64)
         self.reach = np.ones(6 * b)  # until their surfaces are known
+        self._first, self._shape, self._arm = np.zeros(1, dtype=np.int64), *np.zeros((2, 0, 3))
         self._stage = Stage(1.0, 1.0)
         self._inverse = np.linalg.inv(self.inertia)
         self._world, self._aim, self._way, self._known = np.zeros((b, 3, 3)), *np.zeros((3, b, 6))
@@ -57,15 +60,34 @@ class RigidBodies(Body):
         self.pattern = sparse.csc_matrix((np.ones(len(rows)), rows, indptr), shape=(6 * b, 6 * b))
         self._upper = np.array([(i, j) for j in range(6) for i in range(j + 1)]).T
 
-    def load(self, state: RigidMotion) -> None:
-        """Begin a step from `state`."""
-        self.centre[:], self.rotation[:] = state.centres, state.rotations
-        self.velocity[:], self.spin[:] = state.velocities, state.spins
+    def bound_by(self, parts: list[Part]) -> None:
+        """Take the surface of each body, its vertices about the centre."""
+        counts = [len(part.vertices) for part in parts]
+        self._first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        self._shape = np.concatenate([part.vertices for part in parts])
+        self._arm = np.empty_like(self._shape)
+        self.base = np.repeat(6 * np.arange(len(parts)), counts)
+        self.width, self.held = np.full(len(self.base), 6), np.zeros((len(self.base), 3), dtype=bool)
+        self.reach.reshape(-1, 6)[:, 3:] = np.array([part.reach for part in parts])[:, None]
 
-    def store(self, state: RigidMotion) -> None:
+    def owners(self) -> IndexArray:
+        """Return the body of each vertex, shape (k,)."""
+        return self.base // 6
+
+    @property
+    def motion(self) -> RigidMotion:
+        """Present poses and velocities: views."""
+        return RigidMotion(self.centre, self.rotation, self.velocity, self.spin)
+
+    def load(self, state: State, joints: FloatArray, dt: float) -> None:
+        """Begin a step from `state`."""
+        for own, given in zip(self.motion, state.rigid, strict=True):
+            own[:] = given
+
+    def store(self, state: State) -> None:
         """Write where the bodies are now to `state`."""
-        state.centres[:], state.rotations[:] = self.centre, self.rotation
-        state.velocities[:], state.spins[:] = self.velocity, self.spin
+        for of, own in zip(state.rigid, self.motion, strict=True):
+            of[:] = own
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""
@@ -168,15 +190,13 @@ class RigidBodies(Body):
     def moved(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the centres (b, 3) and rotations (b, 3, 3) after the moves `u`."""
         centres, rotations = np.empty_like(self.centre), np.empty_like(self.rotation)
-        kernels.moved(u, self.centre, self.rotation, centres, rotations)
+        move_bodies(self.centre, self.rotation, 1.0, u, 0, centres, rotations)
         return centres, rotations
 
-    def place(self, first: IndexArray, shape: FloatArray, arm: FloatArray, positions: FloatArray) -> None:
-        """Write where vertices are now, as `rigid_kernels.vertices` takes them."""
-        kernels.vertices(first, shape, self.centre, self.rotation, arm, positions)
+    def place(self, positions: FloatArray, arm: FloatArray) -> None:
+        """Write where the vertices are now, and their arms."""
+        kernels.vertices(self._first, self._shape, self.centre, self.rotation, arm, positions)
 
-    def ends(
-        self, u: FloatArray, first: IndexArray, shape: FloatArray, arm: FloatArray, positions: FloatArray
-    ) -> None:
+    def ends(self, u: FloatArray, out: FloatArray) -> None:
         """Write where they are after the moves `u`."""
-        kernels.vertices(first, shape, *self.moved(u), arm, positions)
+        kernels.vertices(self._first, self._shape, *self.moved(u), self._arm, out)

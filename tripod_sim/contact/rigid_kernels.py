@@ -167,15 +167,6 @@ def add_inertia(u: Array, aim: Array, mass: Array, tensors: Array, square: float
 
 
 @njit(cache=True, error_model="numpy")
-def moved(u: Array, centre: Array, rotation: Array, centres: Array, rotations: Array) -> None:
-    """Write the centres (b, 3) and rotations (b, 3, 3) after the moves `u`, shape (6 b,)."""
-    for k in range(len(centre)):
-        for i in range(3):
-            centres[k, i] = centre[k, i] + u[6 * k + i]
-        turned(u[6 * k + 3 : 6 * k + 6], rotation[k], rotations[k])
-
-
-@njit(cache=True, error_model="numpy")
 def vertices(
     first: Array, shape: Array, centre: Array, rotation: Array, arm: Array, positions: Array
 ) -> None:

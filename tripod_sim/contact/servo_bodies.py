@@ -27,8 +27,7 @@ class ServoBodies(Body):
 
     Attributes:
         parts: Their surfaces where the slide is 0, in world.
-        base: First unknown of each vertex, shape (8 s,).
-        unknowns, given, pattern, reach: See `Body`.
+        unknowns, given, pattern, reach, base, width, held: See `Body`.
     """
 
     def __init__(self, parts: list[Part], inward: FloatArray, slide: float) -> None:
@@ -37,6 +36,7 @@ class ServoBodies(Body):
         self.unknowns = inward.size
         self.given: IndexArray = np.arange(self.unknowns)
         self.base = np.repeat(self.given[::3], 8)
+        self.width, self.held = np.full(len(self.base), 3), np.ones((len(self.base), 3), dtype=bool)
         self._shape = np.concatenate([part.vertices for part in parts])
         upper = sparse.csc_matrix(np.triu(np.ones((3, 3))))
         self.pattern: Any = sparse.block_diag([upper] * len(parts), format="csc")
@@ -61,13 +61,14 @@ class ServoBodies(Body):
             for i, (part, move) in enumerate(zip(self.parts, moves, strict=True))
         ]
 
-    def place(self, positions: FloatArray) -> None:
+    def place(self, positions: FloatArray, arm: FloatArray) -> None:
         """Write where the vertices are [m], shape (8 s, 3)."""
         positions[:] = self._shape + np.repeat(self._slide * self._inward, 8, axis=0)
 
-    def ends(self, u: FloatArray, positions: FloatArray) -> None:
-        """Move vertices [m], shape (8 s, 3), from the start of the stage to its end."""
-        positions += np.repeat(u.reshape(-1, 3), 8, axis=0)
+    def ends(self, u: FloatArray, out: FloatArray) -> None:
+        """Write where the vertices are after the moves `u` [m], shape (8 s, 3)."""
+        self.place(out, out)
+        out += np.repeat(u.reshape(-1, 3), 8, axis=0)
 
     def begin(self, stage: Stage) -> None:
         """Prepare a stage."""

@@ -16,8 +16,7 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact import group_kernels
-from tripod_sim.contact.bodies import Nodes
-from tripod_sim.forces.solid import Solid
+from tripod_sim.contact.bodies import Body
 from tripod_sim.integrators.history import History
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.integrators.stage import ImplicitStage
@@ -37,7 +36,7 @@ ROOM = 1e6
 """Square of how much more unbalanced than the tolerance modes may be at last."""
 
 
-class SolidNodes(Nodes):
+class SolidNodes(Body):
     """The solid as a body of a step with contact (see `bodies.Body`).
 
     Attributes:
@@ -94,7 +93,7 @@ class SolidNodes(Nodes):
         n = len(system.rest)
         self._dx, self._last = np.zeros((n, 3)), np.zeros((n, 3))
         self._last_modes = system.elastic.rest_modes()
-        self._off = [t.arrays().y for t in system.elastic.terms if isinstance(t, Solid) and t.has_modes]
+        self._off = [t.mode_offsets for t in system.elastic.terms if t.has_modes]
         # what only some steps need is compiled
         system.elastic.settle_modes(system.rest, self._last_modes, tolerance)
         system.reduction.moves(np.zeros(system.unknowns), system.lever, self._dx)
@@ -140,8 +139,10 @@ class SolidNodes(Nodes):
     def store(self, state: State) -> None:
         """Write where the solid is now to `state`."""
         start = self._now()
-        for name in ("positions", "velocities", "modes", "centres", "rotations", "joints"):
+        for name in ("positions", "velocities", "modes", "joints"):
             getattr(state, name)[:] = getattr(start, name)
+        held = self._system.reduction.bodies
+        state.centres[:held], state.rotations[:held] = start.centres[:held], start.rotations[:held]
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps: the tensions at the bound too."""
@@ -174,8 +175,30 @@ class SolidNodes(Nodes):
         arm[self._rigid] = positions[self._rigid] - start.centres[group]
 
     def anew(self) -> None:
-        """Drop what is known of the potential at some moves."""
+        """Drop what is known of the potential at some moves: the bound of strains has changed."""
         self._at[:] = np.nan
+
+    def exceeds(self, u: FloatArray) -> bool:
+        """Return whether strains after the moves `u` are larger than their bound."""
+        return self.bound is not None and self.bound.exceeded(self.moved(u))
+
+    def taut(self) -> bool:
+        """Return whether their bound pulls."""
+        return self.bound is not None and self.bound.pulls
+
+    def tighten(self) -> None:
+        """Stiffen what bounds the strains."""
+        if self.bound:
+            self.bound.harden()
+            self.anew()
+
+    def settle(self, u: FloatArray) -> float:
+        """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
+        if not self.bound:
+            return 0.0
+        error = self.bound.settle(self.moved(u))
+        self.anew()
+        return error
 
     def past(self) -> tuple[FloatArray, ...]:
         """Return what the next stage may look back on."""

@@ -32,8 +32,8 @@ class ContactStepper(Integrator):
         self.world.forget()
         self._start_report()
         self._rough = -np.inf
-        if self.world.nodes:
-            self.world.nodes.forget()
+        for body in self.world.bodies:
+            body.forget()
 
     def drop_history(self) -> None:
         """Make the next substep by implicit Euler."""
@@ -78,25 +78,20 @@ class ContactStepper(Integrator):
 
     def _load(self, state: State, joints: FloatArray, h: float) -> None:
         """Put the bodies where `state` has them, to move within `h` [s] with driven frames that go to `joints`."""
-        if self.world.nodes:
-            self.world.nodes.load(state, joints, h)
-        if self.world.rigid:
-            self.world.rigid.load(state.rigid)
-        if self.world.kinematic:
-            self.world.kinematic.load(state, joints, h)
+        for body in self.world.bodies:
+            body.load(state, joints, h)
 
     def _store(self, state: State) -> StepReport:
         """Write where the bodies are to `state`; return what it took, failed substeps before this one included."""
         world = self.world
-        nodes, rigid, effort, report = world.nodes, world.rigid, world.problem.effort, self._report
+        effort, report = world.problem.effort, self._report
         if not np.isfinite(world.positions_now()).all():
             raise UnsolvedError("a number is not finite", "take a smaller dt, and check units and stiffness")
-        if nodes:
-            nodes.store(state)
-            if world.some_held:
-                nodes.add_reactions(world.forces()[: len(nodes.base)])
-        if rigid:
-            rigid.store(state.rigid)
+        forces = world.forces() if world.some_held else None
+        for body, own in zip(world.bodies, world.ranges, strict=True):
+            body.store(state)
+            if forces is not None:
+                body.add_reactions(forces[own])
         done = StepReport(
             iterations=effort.iterations,
             factorisations=effort.factorisations,

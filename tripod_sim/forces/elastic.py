@@ -29,6 +29,8 @@ class ElasticTerm:
         matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, 3 k, 3 k).
         mode_residual_squared: |d(E + D)/d modes|² of the last gradient [N²].
         has_modes: Whether the elements have modes.
+        mode_offsets: How far the modes were from their balance at the last gradient [m], shape as of the modes; of a
+            term that has modes.
         remembers: How many numbers its damper takes the rate of, which schemes combine as they do positions; 0 without
             one.
         lasting: Whether the Hessian of one step is near that of the next, so that a factorisation may serve both.
@@ -38,6 +40,7 @@ class ElasticTerm:
     matrices: FloatArray
     mode_residual_squared = 0.0
     has_modes = False
+    mode_offsets: FloatArray
     remembers = 0
     lasting = True
 

@@ -83,6 +83,7 @@ class Solid(ElasticTerm):
             np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), y, pull, push,
             damping * np.array([lam - kappa, mu, kappa]), np.zeros(1), before, strain,
         )  # fmt: skip
+        self.mode_offsets = self._arrays.y
 
     def arrays(self) -> SolidArrays:
         """Return what compiled loops need; the arrays are the solid's own."""

@@ -31,7 +31,6 @@ PARTS = {
     "maze": "maze",
     "contact": "contact",
     "contact.rigid_set": "rigid bodies",
-    "rigid_state": "rigid bodies",
     "integrators.time_error": "time error",
     "integrators.doubling": "time error",
     "mesh_error": "mesh error",
