@@ -1,11 +1,12 @@
 """What changes each step, and nothing else."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.constraints.groups import RigidMotion
 from tripod_sim.copied import Copied
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
@@ -15,22 +16,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 
 def _none() -> FloatArray:
     return np.zeros((0, 3))
-
-
-class RigidMotion(NamedTuple):
-    """Poses and velocities of b rigid bodies.
-
-    Attributes:
-        centres: Of mass, in world [m], shape (b, 3).
-        rotations: From each body's frame to world, shape (b, 3, 3).
-        velocities: Of the centres [m/s], shape (b, 3).
-        spins: Angular velocities in world [rad/s], shape (b, 3).
-    """
-
-    centres: FloatArray
-    rotations: FloatArray
-    velocities: FloatArray
-    spins: FloatArray
 
 
 @dataclass(eq=False)

@@ -8,7 +8,7 @@ may move as time says (`prescribed`).
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,22 @@ class Kind(IntEnum):
     RIGID = 1
     DRIVEN = 2
     FIXED = 3
+
+
+class RigidMotion(NamedTuple):
+    """Poses and velocities of b rigid bodies.
+
+    Attributes:
+        centres: Of mass, in world [m], shape (b, 3).
+        rotations: From each body's frame to world, shape (b, 3, 3).
+        velocities: Of the centres [m/s], shape (b, 3).
+        spins: Angular velocities in world [rad/s], shape (b, 3).
+    """
+
+    centres: FloatArray
+    rotations: FloatArray
+    velocities: FloatArray
+    spins: FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,13 +4,16 @@ import numpy as np
 from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.constraints.groups import RigidMotion
 from tripod_sim.constraints.reduction import move_bodies
 from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.bodies import Body
+from tripod_sim.contact.group_kernels import add_residual
+from tripod_sim.forces.term import Term
 from tripod_sim.integrators.history import History
 from tripod_sim.integrators.scheme import Stage
 from tripod_sim.mesh.surfaces import Part
-from tripod_sim.state import RigidMotion, State
+from tripod_sim.state import State
 
 
 class RigidBodies(Body):
@@ -25,7 +28,10 @@ class RigidBodies(Body):
     I is I', too; but in a stage that looks back on nothing, and may be a hit, it is that at its start, as the arms of
     contacts are, and the spin that of the turn, as the contacts ask for.
 
+    Terms of the system that act on rigid bodies (`Term.acts_on_rigid`) add to this.
+
     Attributes:
+        terms: Of the system.
         mass: [kg], shape (b,).
         inertia: About the centre in the body's frame [kg m²], shape (b, 3, 3).
         centre, velocity, spin: [m], [m/s], [rad/s], in world, shape (b, 3).
@@ -55,6 +61,7 @@ class RigidBodies(Body):
         self._history = History((b, 6), slice(0, b))
         self._curve = np.zeros((b, 6))  # b of positions and turns
         self._untouched = np.zeros((b, 3))  # spin after the stage of a body that nothing touches
+        self.terms: list[Term] = []
         rows = np.concatenate([np.arange(6 * k, 6 * k + j + 1) for k in range(b) for j in range(6)])
         indptr = np.concatenate([[0], np.cumsum(np.tile(np.arange(1, 7), b))])
         self.pattern = sparse.csc_matrix((np.ones(len(rows)), rows, indptr), shape=(6 * b, 6 * b))
@@ -124,16 +131,23 @@ class RigidBodies(Body):
 
     def add(self, u: FloatArray, out: FloatArray) -> float:
         """Add the gradient at `u` to `out`; return the potential."""
-        return float(kernels.add_inertia(u, self._aim, self.mass, self._world, self._stage.square, out))
+        phi = float(kernels.add_inertia(u, self._aim, self.mass, self._world, self._stage.square, out))
+        for term in self.terms:
+            if term.acts_on_rigid:
+                per_turn = np.zeros_like(self._aim)
+                phi += term.add_rigid_gradient(self._after(u), self._stage.s, per_turn)
+                add_residual(per_turn.ravel(), 0, u, out)
+        return phi
 
     def hessian(self, u: FloatArray, *, project: bool) -> None:
-        """Write the Hessian, the same at any `u`, into `pattern.data`."""
-        block = np.zeros((6, 6))
-        for k in range(len(self.mass)):
-            block[:3, :3], block[3:, 3:] = self.mass[k] * np.eye(3), self._world[k]
-            self.pattern.data[21 * k : 21 * k + 21] = (
-                block[self._upper[0], self._upper[1]] / self._stage.square
-            )
+        """Write the Hessian, of inertia the same at any `u`, into `pattern.data`."""
+        blocks = np.zeros((len(self.mass), 6, 6))
+        blocks[:, :3, :3], blocks[:, 3:, 3:] = self.mass[:, None, None] * np.eye(3), self._world
+        blocks /= self._stage.square
+        for term in self.terms:
+            if term.acts_on_rigid:
+                term.add_rigid_stiffness(self._after(u), self._stage.s, blocks)
+        self.pattern.data[:] = blocks[:, self._upper[0], self._upper[1]].ravel()
 
     def rate_at_start(self, out: FloatArray) -> None:
         """Write velocities and spins."""
@@ -151,6 +165,12 @@ class RigidBodies(Body):
         """Write 1 / mass and the inverse inertia in world of each body."""
         out[0::2] = np.eye(3) / self.mass[:, None, None]
         kernels.tensors_in_world(self._inverse, self.rotation, out[1::2])
+
+    def _after(self, u: FloatArray) -> RigidMotion:
+        """Return poses and velocities after the moves `u`."""
+        rate = np.empty(self.unknowns)
+        self.rate_at_end(u, rate)
+        return RigidMotion(*self.moved(u), *np.split(rate.reshape(-1, 6), 2, axis=1))
 
     def finish(self, u: FloatArray) -> None:
         """Let the moves `u` be made."""

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from tripod_host.rotations import quaternion_matrix
+from tripod_sim.constraints.groups import RigidMotion
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
 from tripod_sim.shapes import shape_of
-from tripod_sim.state import RigidMotion
 from tripod_sim.tables.bodies import Rigid
 from tripod_sim.tables.sets import Vector
 

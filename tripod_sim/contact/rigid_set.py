@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.constraints.groups import RigidMotion
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.shapes import Shape
-from tripod_sim.state import RigidMotion
 
 
 class RigidSet:

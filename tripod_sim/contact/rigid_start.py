@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.constraints.groups import RigidMotion
 from tripod_sim.contact.rigid_set import RigidSet
 from tripod_sim.contact.start import height_that_frees, passing
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.surfaces import Part
-from tripod_sim.state import RigidMotion
 
 
 def overlaps(one: Part, other: Part) -> bool:

@@ -141,6 +141,9 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     placed = [("the soft body" if alone else s.name, s.part) for s in there]
     mesh, skin, rigid, stepper = touching(model, contact, soft, placed, mesh, skin)
 
+    if stepper.world.rigid:
+        stepper.world.rigid.terms = system.terms
+
     def check_start_of(positions: FloatArray) -> None:
         """Name what passes through what where the servos have brought the first body."""
         name, part, own, _ = found[0]

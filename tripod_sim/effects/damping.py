@@ -16,7 +16,7 @@ class Damping:
     b K v; motions that deform nothing, rotations among them, are not.
 
     Attributes:
-        mass: a [1/s].
+        mass: a [1/s], of soft bodies: rigid ones move without drag.
         stiffness: b [s].
     """
 
@@ -30,8 +30,10 @@ def lower(damping: Damping, scene: Described, model: Model) -> Model:
 
 
 def act(damping: Damping, draft: Draft) -> None:
-    """Give solids and springs their dampers."""
+    """Give solids and springs their dampers; say that rigid bodies have no drag."""
     draft.damping = damping.stiffness
+    if damping.mass and (fields := [field for field, _ in draft.model.rigid]):
+        draft.notes.append(f"damping.mass acts on soft bodies only: there is no drag on {', '.join(fields)}")
 
 
 EFFECT = Effect(

@@ -7,6 +7,7 @@ built: explicit ones take forces that positions do not change and linear ones.
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.constraints.groups import RigidMotion
 from tripod_sim.forces.term_kernels import add_couplings
 
 
@@ -17,9 +18,10 @@ class Term:
         name: Of the effect that brings it, for messages.
         weight: w of a Hessian w_i I at each node [N/m], shape (n,); None: it has none of this form.
         has_inertia: Whether it has what the masses of nodes lack; see `add_inertia`.
+        acts_on_rigid: Whether it acts on free rigid bodies, which hold no nodes, too; see `add_rigid_gradient`.
     """
 
-    name, has_inertia = "", False
+    name, has_inertia, acts_on_rigid = "", False, False
     weight: FloatArray | None = None
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
@@ -33,6 +35,22 @@ class Term:
     def add_inertia(self, a: FloatArray, out: FloatArray) -> float:
         """Add what nodes lack in mass, times `a`, to `out`, both of shape (n, 3); return half of a . that: nothing."""
         return 0.0
+
+    def add_rigid_gradient(self, motion: RigidMotion, s: float, g: FloatArray) -> float:
+        """Add what the term is on free rigid bodies at the end of a stage; return that part of V [J].
+
+        Args:
+            motion: Their poses and velocities then, b of them; velocities change by 1 / s of a move.
+            s: Of the stage [s].
+            g: dV/dc [N] and, per small turn about the centre, dV/dtheta [N m], shape (b, 6).
+        """
+        raise NotImplementedError
+
+    def add_rigid_stiffness(self, motion: RigidMotion, s: float, h: FloatArray) -> None:
+        """Add to `h`, shape (b, 6, 6), the Hessian of that part of V, or a positive semi-definite one near it: none.
+
+        Without it steps converge only where the term is weak against inertia, M / s².
+        """
 
 
 class BlockTerm(Term):
