@@ -1,5 +1,6 @@
 """Recorded sessions of all scenes, made again: every body is the recorded one, bit for bit."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,25 @@ def test_a_checkpoint_is_read_back_bit_for_bit_and_only_for_its_own_scene() -> N
             checkpoint_place(wrong)
         with raises_naming(SceneError, "checkpoint", "load the scene"):
             read_checkpoint(wrong, maze)
+
+
+def test_a_checkpoint_from_before_free_rigid_bodies_were_in_the_state_is_read_where_there_are_none() -> None:
+    def earlier(simulation: Simulation) -> bytes:
+        simulation.advance(3)
+        with np.load(io.BytesIO(checkpoint_bytes(Checkpoint(0, *simulation.save())))) as numbers:
+            kept = {
+                k: numbers[k] for k in numbers.files if k not in ("state.centre_velocities", "state.spins")
+            }
+        file = io.BytesIO()
+        np.savez(file, **kept)
+        return file.getvalue()
+
+    silicone, stack = Simulation(load_scene("silicone", ["mesh.level=1"])), Simulation(load_scene("stack"))
+    read = read_checkpoint(earlier(silicone), silicone).state
+    np.testing.assert_array_equal(read.velocities, silicone.state.velocities)
+    assert read.spins.shape == (0, 3)
+    with raises_naming(SceneError, "state.centre_velocities"):
+        read_checkpoint(earlier(stack), stack)
 
 
 def test_a_state_that_was_changed_at_the_start_is_the_one_that_is_made_again(tmp_path: Path) -> None:
