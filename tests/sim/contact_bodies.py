@@ -3,6 +3,7 @@
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from tripod_sim.rigid_state import RigidState
 
 from tests.sim.implicit_schemes import scheme_of
 from tripod_sim.contact.contact_solver import ContactSolver
@@ -12,7 +13,6 @@ from tripod_sim.contact.stepper import contact_steps
 from tripod_sim.integrators.report import ContactReport
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.mesh.surfaces import Part
-from tripod_sim.rigid_state import RigidState
 from tripod_sim.state import State
 
 G = 9.81

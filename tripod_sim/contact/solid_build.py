@@ -15,6 +15,7 @@ from tripod_sim.effect import Draft
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.mesh.solid_mesh import check_boundary
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.model import Model
@@ -141,8 +142,8 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     placed = [("the soft body" if alone else s.name, s.part) for s in there]
     mesh, skin, rigid, stepper = touching(model, contact, soft, placed, mesh, skin)
 
-    if stepper.world.rigid:
-        stepper.world.rigid.terms = system.terms
+    if bodies := integrator_of(stepper).world.rigid:
+        bodies.terms = system.terms
 
     def check_start_of(positions: FloatArray) -> None:
         """Name what passes through what where the servos have brought the first body."""
