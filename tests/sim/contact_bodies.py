@@ -3,9 +3,9 @@
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from tripod_sim.rigid_state import RigidState
 
 from tests.sim.implicit_schemes import scheme_of
+from tripod_sim.constraints.groups import Groups
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
@@ -14,6 +14,7 @@ from tripod_sim.integrators.report import ContactReport
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.state import State
+from tripod_sim.system import System
 
 G = 9.81
 
@@ -25,13 +26,11 @@ def step(world: ContactSolver, h: float) -> ContactReport:
     bodies = world.rigid
     assert bodies
     if world not in _LOOPS:
-        state = State.of_nodes(np.zeros((0, 3)), np.zeros(1))
-        arrays = bodies.centre, bodies.rotation, bodies.velocity, bodies.spin
-        state.rigid = RigidState(*(np.zeros_like(a) for a in arrays))
+        system = System(np.zeros((0, 3)), (), Groups(0, free=len(bodies.mass)))
+        state = system.undeformed(np.zeros(1))
         _LOOPS[world] = contact_steps(world), state
     steps, state = _LOOPS[world]
-    assert state.rigid
-    bodies.store(state.rigid)
+    bodies.store(state)
     report = steps.step(state, state.joints.copy(), h).contact
     assert report
     return report
