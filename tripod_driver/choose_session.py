@@ -5,11 +5,14 @@ from typing import Final
 
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed_session import FramedSession
-from tripod_driver.protocol import AngleMapping, AsciiProtocol, LegacyProtocol
+from tripod_driver.protocol import WORKSHOP, AngleMapping
 from tripod_driver.session import LegacySession, Session
 
-PROTOCOLS: Final = ("framed", "legacy", "ascii", "framed_or_legacy")
-"""What `choose_sessions` knows; the last tries the first, then the second where nobody answers at all."""
+OR: Final = "_or_"
+"""Joins the names of protocols that are tried in turn, the next where nobody answers at all."""
+
+PROTOCOLS: Final = (FramedSession.name, *WORKSHOP, f"{FramedSession.name}{OR}legacy")
+"""What `choose_sessions` knows."""
 
 
 def choose_sessions(
@@ -24,19 +27,15 @@ def choose_sessions(
     `mapping` and `start` are for the workshop's protocols, see `LegacySession`, `needed` for `FramedSession`. Raises
     ValueError: `word` is none of them.
     """
-    match word:
-        case "framed":
-            return [FramedSession(calibration, needed)]
-        case "legacy":
-            return [LegacySession(LegacyProtocol(mapping), calibration, start)]
-        case "ascii":
-            return [LegacySession(AsciiProtocol(mapping), calibration, start)]
-        case "framed_or_legacy":
-            return [
-                FramedSession(calibration, needed),
-                LegacySession(LegacyProtocol(mapping), calibration, start),
-            ]
-    raise ValueError(f"protocol {word!r} is unknown; allowed: {', '.join(PROTOCOLS)}")
+    if word not in PROTOCOLS:
+        raise ValueError(f"protocol {word!r} is unknown; allowed: {', '.join(PROTOCOLS)}")
+
+    def session(name: str) -> Session:
+        if name in WORKSHOP:
+            return LegacySession(WORKSHOP[name](mapping), calibration, start)
+        return FramedSession(calibration, needed)
+
+    return [session(name) for name in word.split(OR)]
 
 
 def common_bounds(sessions: Sequence[Session]) -> tuple[tuple[float, ...], tuple[float, ...]]:

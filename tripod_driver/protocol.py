@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
 
 HEADER = 255
 """First byte of a packet."""
@@ -156,6 +157,12 @@ class AsciiProtocol(LegacyProtocol):
         if not re.fullmatch(rb"\d{2,3} \d{2,3} \d{2,3}\n", packet):
             raise ProtocolError(f"line {packet!r:.40}; it has three numbers with one space between")
         return super().decode(bytes([HEADER, *(min(int(part), HEADER) for part in packet.split())]))
+
+
+WORKSHOP: Final[dict[str, type[LegacyProtocol]]] = {
+    protocol().name: protocol for protocol in (LegacyProtocol, AsciiProtocol)
+}
+"""The protocols of whole degrees by name: `session.LegacySession` speaks each."""
 
 
 @dataclass

@@ -25,7 +25,7 @@ from tripod_driver.imu import ImuReading
 from tripod_driver.ports.mock import MockPort
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.pose_player import SETTLE, SPEED, Phase, PosePlayer
-from tripod_driver.protocol import AngleMapping
+from tripod_driver.protocol import WORKSHOP, AngleMapping
 from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.measured import Measured
@@ -192,7 +192,7 @@ def test_what_was_measured_is_kept_and_gone_on_with(tour: np.ndarray, tmp_path: 
         PoseFile(bench.file.path, tour + 0.01, COLUMNS, "a robot")
 
 
-@pytest.mark.parametrize("protocol", ["legacy", "ascii"])
+@pytest.mark.parametrize("protocol", WORKSHOP)
 def test_the_workshops_packets_carry_every_pose(tmp_path: Path, protocol: str) -> None:
     known = Calibration(
         (ServoCalibration(2.9, 1, safe_range=(-2.0, 0.1)),) * 3

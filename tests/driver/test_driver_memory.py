@@ -7,10 +7,11 @@ import pytest
 from tests.decisions import said
 from tests.driver.bench import TICK, Bench
 from tests.memory import blocks_grown
+from tripod_driver.protocol import WORKSHOP
 from tripod_graph.mode import Mode
 
 
-@pytest.mark.parametrize("protocol", ["framed", "legacy", "ascii"])
+@pytest.mark.parametrize("protocol", ["framed", *WORKSHOP])
 def test_what_was_sent_is_not_kept(protocol: str) -> None:
     bench = Bench(protocol=protocol)
     bench.safety.control_mode(said(Mode.TELEOP, bench.clock.now), bench.clock.now, bench.clock.now)

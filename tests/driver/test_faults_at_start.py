@@ -13,7 +13,7 @@ from tripod_driver.driver import Driver
 from tripod_driver.framed import VERSION
 from tripod_driver.framed_messages import Hello, HelloReply
 from tripod_driver.ports.mock_board import MockBoard
-from tripod_driver.protocol import HEADER
+from tripod_driver.protocol import HEADER, WORKSHOP
 from tripod_driver.safety import State
 from tripod_graph.mode import Mode
 
@@ -70,7 +70,7 @@ def test_a_port_that_is_no_robot_is_named_and_nothing_but_hellos_reach_it(protoc
     assert bench.port.opened >= 1
 
 
-@pytest.mark.parametrize("protocol", ["legacy", "ascii"])
+@pytest.mark.parametrize("protocol", WORKSHOP)
 def test_a_modem_that_returns_what_it_hears_is_named_after_the_first_of_the_workshops_packets(
     protocol,
 ) -> None:

@@ -11,6 +11,7 @@ from tripod_driver.protocol import (
     BYTE_MAX,
     BYTE_MIN,
     RESOLUTION,
+    WORKSHOP,
     AngleMapping,
     LegacyDecoder,
     LegacyProtocol,
@@ -56,14 +57,20 @@ def test_servos_keep_their_order() -> None:
     )
 
 
-@pytest.mark.parametrize("protocol", [ROUNDED, TUTORIAL])
+EVERY = [protocol(mapping) for protocol in WORKSHOP.values() for mapping in AngleMapping]
+
+
+@pytest.mark.parametrize("protocol", EVERY)
 def test_every_byte_survives_decoding_and_encoding(protocol: LegacyProtocol) -> None:
+    packets = set()
     for byte in range(BYTE_MIN, BYTE_MAX + 1):
-        packet = bytes([255, byte, BYTE_MAX + BYTE_MIN - byte, 150])
+        packet = protocol.packet([byte, BYTE_MAX + BYTE_MIN - byte, 150])
         assert protocol.encode(protocol.decode(packet)) == packet
+        packets.add(packet)
+    assert len(packets) == BYTE_MAX - BYTE_MIN + 1
 
 
-@given(st.sampled_from([ROUNDED, TUTORIAL]), st.tuples(*[st.floats(0.0, 1.0)] * 3))
+@given(st.sampled_from(EVERY), st.tuples(*[st.floats(0.0, 1.0)] * 3))
 def test_every_angle_in_range_survives_within_the_resolution(protocol: LegacyProtocol, fractions) -> None:
     wanted = [protocol.lowest + f * (protocol.highest - protocol.lowest) for f in fractions]
     for angle, decoded in zip(wanted, protocol.decode(protocol.encode(wanted)), strict=True):

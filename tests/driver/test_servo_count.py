@@ -5,6 +5,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tripod_driver.calibration import Calibration, ServoCalibration
+from tripod_driver.choose_session import PROTOCOLS
 from tripod_driver.framed_session import FramedSession
 from tripod_driver.memory import LINE_SIZE, Memory
 from tripod_driver.ports.mock_board import MockBoard
@@ -64,7 +65,7 @@ def test_a_driver_of_five_servos_follows_five_joints_and_refuses_three(tmp_path,
     assert len(driver.safety.range.lower) == 6
 
 
-@pytest.mark.parametrize("protocol", ["legacy", "ascii", "framed_or_legacy"])
+@pytest.mark.parametrize("protocol", [p for p in PROTOCOLS if p != "framed"])
 def test_packets_of_the_workshop_are_for_three(protocol: str) -> None:
     with raises_naming(ValueError, "'servos'", 4, f"protocol {protocol}", 3, "--set protocol=framed"):
         driver_of(servos=4, protocol=protocol)

@@ -10,7 +10,7 @@ from tests.driver.bench import START, TICK, Bench
 from tests.messages import assert_names
 from tripod_driver.memory import Memory
 from tripod_driver.ports.mock import Fault, MockPort
-from tripod_driver.protocol import AngleMapping, LegacyProtocol
+from tripod_driver.protocol import WORKSHOP, AngleMapping, LegacyProtocol
 from tripod_driver.safety import CREEP
 from tripod_graph.mode import Mode
 
@@ -47,7 +47,7 @@ def speeds(bench: Bench) -> np.ndarray:
     return np.abs(np.diff([angles for _, angles in bench.sent], axis=0)) / BETWEEN_PACKETS
 
 
-@pytest.mark.parametrize("protocol", ["legacy", "ascii"])
+@pytest.mark.parametrize("protocol", WORKSHOP)
 def test_after_kill_9_on_a_port_that_resets_nothing_it_begins_at_the_last_packet_and_creeps(
     tmp_path: Path, protocol: str
 ) -> None:

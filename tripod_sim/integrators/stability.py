@@ -45,7 +45,7 @@ def remedy(limit: float, *, divides: bool) -> str:
     """Return what to do where an explicit scheme of the stability `limit` [s] failed, its steps divided or not."""
     if limit == 0.0:
         return (
-            "explicit Euler is unstable at every dt without damping: add [damping], or set "
+            "this scheme is unstable at every dt without damping: add [damping], or set "
             "inertia.scheme to semi_implicit_euler, rk4 or an implicit scheme"
         )
     return ("" if divides else "substeps = 'auto' divides the step, ") + "an implicit scheme needs no limit"
