@@ -60,7 +60,7 @@ def test_servos_keep_their_order() -> None:
 EVERY = [protocol(mapping) for protocol in WORKSHOP.values() for mapping in AngleMapping]
 
 
-@pytest.mark.parametrize("protocol", EVERY)
+@pytest.mark.parametrize("protocol", EVERY, ids=lambda p: f"{p.name}-{p.mapping}")
 def test_every_byte_survives_decoding_and_encoding(protocol: LegacyProtocol) -> None:
     packets = set()
     for byte in range(BYTE_MIN, BYTE_MAX + 1):

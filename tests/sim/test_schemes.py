@@ -139,7 +139,34 @@ def test_the_error_of_a_damped_oscillator_falls_at_the_order(scheme: Scheme, kin
     counts = (40, 80, 160) if scheme.order > 2 else (160, 320, 640)
     errors = np.array([swung(scheme, n, kind) for n in counts])
     np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), scheme.order, atol=0.12)
-    assert errors[-1] < {1: 2e-3, 2: 1e-5, 4: 1e-8}[scheme.order]
+    assert errors[-1] < {1: 2e-3, 2: 1e-5, 3: 1e-6, 4: 1e-8}[scheme.order]
+
+
+def growth(scheme: ExplicitScheme, h: float, omega: float, rate: float) -> float:
+    """Return the largest factor by which a step of `h` [s] multiplies a mode x'' = -w² x - d x'."""
+    one, rates = np.eye(2), np.array([[0.0, 1.0], [-(omega**2), -rate]])
+    if scheme.swaps:
+        step = (one + h * np.diag([1.0, 0.0]) @ rates) @ (one + h * np.diag([0.0, 1.0]) @ rates)
+    else:
+        step, stage = one, one
+        for weight, reach in zip(scheme.weights, [*scheme.reach, 0.0], strict=True):
+            step, stage = step + h * weight / sum(scheme.weights) * rates @ stage, one + reach * h * rates @ stage
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.03, 1.0, 2.5, 40.0])
+@pytest.mark.parametrize("name", EXPLICIT)
+def test_a_mode_grows_beyond_the_stability_limit_and_not_within_it(name: str, rate: float) -> None:
+    scheme, omega = SCHEMES[name], 3.0
+    assert isinstance(scheme, ExplicitScheme)
+    limit = scheme.longest_step(omega, rate)
+    if limit == 0.0:
+        assert rate == 0.0
+        assert growth(scheme, 1e-2, omega, rate) > 1
+        return
+    for share in (0.01, 0.3, 1.0):
+        assert growth(scheme, share * limit, omega, rate) < 1 + 1e-7
+    assert growth(scheme, 1.5 * limit, omega, rate) > 1 + 1e-7
 
 
 @pytest.mark.parametrize("scheme", ALL_IMPLICIT, ids=name_of)
