@@ -150,7 +150,10 @@ def growth(scheme: ExplicitScheme, h: float, omega: float, rate: float) -> float
     else:
         step, stage = one, one
         for weight, reach in zip(scheme.weights, [*scheme.reach, 0.0], strict=True):
-            step, stage = step + h * weight / sum(scheme.weights) * rates @ stage, one + reach * h * rates @ stage
+            step, stage = (
+                step + h * weight / sum(scheme.weights) * rates @ stage,
+                one + reach * h * rates @ stage,
+            )
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
