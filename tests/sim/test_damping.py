@@ -301,8 +301,8 @@ def angular_momentum(mass: np.ndarray, state: State) -> float:
 
 
 QUICK = tuple(
-    (*next(case for case in EVERY if case[0] == element), scheme)
-    for element, scheme in (("t4", "tr_bdf2"), ("h8_modes", "bdf2"), ("springs", "tr_bdf2"))
+    (*next(case for case in EVERY if kind in case), scheme)
+    for kind, scheme in (("t4", "tr_bdf2"), ("h8_modes", "bdf2"), ("slack", "tr_bdf2"))
 )
 
 
