@@ -61,7 +61,7 @@ def test_the_time_to_rest_is_told_and_ends_the_run(response: str) -> None:
 
 def test_without_contact_the_cloth_is_seen_to_tunnel(monkeypatch: pytest.MonkeyPatch) -> None:
     """The verdicts can fail: here steps go on as if nothing had any force."""
-    monkeypatch.setattr(ContactSolver, "_respond", lambda self, u, *_: self._ends_of(u) or 1.0)
+    monkeypatch.setattr(ContactSolver, "_respond", lambda self, u, *_, **__: self._ends_of(u) or 1.0)
     row = drape.measure(response="lagrange", **{**drape.BASE, "speed": 1.0}, **SHORT)
     assert row["tunnelled"]
     monkeypatch.setattr(drape, "SHARE", -math.inf)

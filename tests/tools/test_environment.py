@@ -298,8 +298,8 @@ def test_a_program_that_fails_is_quoted_and_logged(tmp_path: Path) -> None:
 
 
 def test_pip_without_a_network_is_told_as_that_and_not_as_a_conflict(tmp_path: Path) -> None:
-    nowhere = ("--index-url", "http://127.0.0.1:9/simple", "--retries", "1", "--target", tmp_path / "there")
-    environ = {**os.environ, "PIP_CONFIG_FILE": os.devnull}
+    nowhere = ("--retries", "1", "--target", tmp_path / "there")
+    environ = {**os.environ, "PIP_CONFIG_FILE": os.devnull, "PIP_INDEX_URL": "http://127.0.0.1:9/simple"}
     with (tmp_path / "lock").open("w", encoding="utf-8") as lock:
         shell = Shell(environ, tmp_path / "log", lock.fileno())
         with pytest.raises(StepError) as caught:
