@@ -45,13 +45,15 @@ class ModelMesh:
         Raises:
             SceneError: it cannot be built.
         """
-        from tripod_sim.build import build  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.build import build_model  # noqa: PLC0415 - an effect that is absent
         from tripod_sim.integrators.report import MeshErrorReport  # noqa: PLC0415
+        from tripod_sim.lowering import lowered  # noqa: PLC0415
         from tripod_sim.mesh_error.estimate import MeshError  # noqa: PLC0415
 
         try:
             if not self._errors:
-                self._errors = MeshError(self._scene, self._mesh, build(self._scene))
+                model = lowered(self._scene)
+                self._errors = MeshError(model, self._mesh, build_model(model))
                 self._errors.start(Simulation(self._scene).state)
             return self._errors.estimate(state)
         except StepError:

@@ -40,16 +40,20 @@ Say = Callable[[str], None]
 
 
 def build(scene: Scene, progress: Progress | None = None, say: Say | None = None) -> Parts:
-    """Return the parts of a simulation of `scene`.
+    """Return the parts of a simulation of `scene`; the rest as for `build_model`."""
+    return build_model(lowered(scene), progress, say)
+
+
+def build_model(model: Model, progress: Progress | None = None, say: Say | None = None) -> Parts:
+    """Return the parts of a simulation of `model`.
 
     Args:
-        scene: What is described.
+        model: What a scene describes, written out.
         progress: Told how far its bodies are bent to fit together, 0 to 1.
         say: Told what is being done, a line each, and how large what is being built is as far as that is known.
 
     Raises SceneError.
     """
-    model = lowered(scene)
     parts = _built(model, progress, say)
     for effect, table in model.effects:
         if effect.finish:

@@ -88,6 +88,13 @@ class Joints:
         """Largest angles [rad], shape (count,)."""
         return np.array([arm.high for arm in self.arms])
 
+    def of_body(self, name: str) -> "Joints | None":
+        """Return those that hold nodes of a soft body; None where there are none. `[[servo]]` hold the first body."""
+        arms = tuple(arm for arm in self.arms if isinstance(arm.held, str) or arm.held.body == name)
+        if not arms:
+            return None
+        return Joints(arms, self.slide, min(arm.table.slide_max for arm in arms))
+
     @property
     def slides(self) -> bool:
         """Whether any of them slides."""

@@ -4,7 +4,7 @@
 discs carry the field by which a message names what the user wrote; obstacles, platforms and sets are named by number.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -103,6 +103,15 @@ class Model:
     def reach(self) -> float:
         """Length of the arms by which a slide counts as a turn [m]."""
         return self.joints.reach if self.joints else REACH
+
+    def at_rest(self) -> "Model":
+        """Return the model of the body at rest: without effects that only a body in motion has, and other bodies."""
+        return replace(
+            self,
+            rigid=(), obstacles=(), notes=(), scheme=None, drag=0.0, contact=None, jumps=False, ball=None,
+            time_error=None, estimate=None,
+            effects=tuple((effect, table) for effect, table in self.effects if effect.rest),
+        )  # fmt: skip
 
     @property
     def carried(self) -> TimeError | None:

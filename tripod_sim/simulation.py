@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion
 from tripod_sim.bodies.assembly import Assembly
-from tripod_sim.build import build
+from tripod_sim.build import build_model
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stepper import integrator_of
+from tripod_sim.lowering import lowered
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
-from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import BALL, contact_of, discs_of, joints_of
+from tripod_sim.scene import Scene
+from tripod_sim.scene_short import BALL
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual
@@ -137,15 +138,15 @@ class Simulation:
         """
         if not isinstance(scene, Scene):
             raise SceneError(f'scene is {shown(scene)}; it must be a Scene: Simulation(load_scene("tripod"))')
-        self.scene = scene
+        self.scene, self._model = scene, (model := lowered(scene))
         self.notes: tuple[str, ...] = ()
         self._noted = noted
         self.note(*unusual(scene), *unread(scene))
-        parts = self._parts = build(scene, progress, say)
+        parts = self._parts = build_model(model, progress, say)
         self.note(*(parts.plate.board.notes if parts.plate else ()), *parts.notes)
-        self.joints = joints_of(scene)
-        posed = bool(self.joints or scene.platform or (scene.fixed and discs_of(scene)))
-        self._static = build(at_rest(scene), progress) if scene.inertia and posed else parts
+        self.joints = model.joints
+        posed = bool(self.joints or model.platforms or (scene.fixed and model.discs))
+        self._static = build_model(model.at_rest(), progress) if model.scheme and posed else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
@@ -216,7 +217,7 @@ class Simulation:
     def _softest_move(self) -> "SoftestMove | None":
         """Return what tells how firm the body is; None where that is not known, or there is no stiffness."""
         static = self._static.system
-        if not (static.groups.rigid and isinstance(static, System)) or contact_of(self.scene):
+        if not (static.groups.rigid and isinstance(static, System)) or self._model.contact:
             return None
         from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
 
@@ -261,7 +262,7 @@ class Simulation:
         if isinstance(mesh, Assembly):
             mesh = mesh.bodies[0].solid
         assert isinstance(mesh, SolidMesh)
-        found = MeshError(self.scene, mesh, parts)
+        found = MeshError(self._model, mesh, parts, self.scene.mesh_error.share)
         self.report.mesh_error = found.start(self.state)
         if found.carry_steps():
             self._begin_errors(parts)
@@ -499,7 +500,7 @@ class Simulation:
                 for share in (0.25, 0.5, 0.75, 1.0):
                     self.step(start - share * np.append(way, 0.0))
             self.energies()
-            if discs_of(self.scene):
+            if self._model.discs:
                 self.compliance()
         except StepError:
             pass  # it comes again where it can be told
@@ -752,7 +753,7 @@ class Simulation:
                 "solid and [effector]"
             )
         held = None
-        if contact_of(self.scene):
+        if self._model.contact:
             from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
 
             held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)

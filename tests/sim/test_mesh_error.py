@@ -7,15 +7,19 @@ from tests.messages import raises_naming
 from tests.scenes import CUBE, SHARP
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.effects.inertia import Inertia
+from tripod_sim.effects.strain_limit import StrainLimit
 from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.lowering import lowered
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh_error import estimate
 from tripod_sim.mesh_error.estimate import finer, richer
 from tripod_sim.mesh_error.outside import Outside, alone, interpolation
 from tripod_sim.mesh_error.support import Support
-from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.bodies import Mesh
+from tripod_sim.tables.contact import Contact
+from tripod_sim.tables.sets import Fixed, Load
 from tripod_study.summary.errors import effector_error
 
 W = -1.4965
@@ -178,14 +182,18 @@ def test_what_is_said_of_other_bodies_is_not_said_of_the_first_alone() -> None:
         "fixed=[{set='end'}, {low=[0.04, -0.01, -0.01], high=[0.06, 0.01, 0.01]}]",
         "load=[{set='end', force=[0, 0, 0.1]}, {set='disc', force=[0, 0, 0.1]}]",
     )  # fmt: skip
-    scene = load_scene(SHARP, words)
-    assert scene.mesh
-    found = alone(scene, scene.mesh)
-    assert [body.name for body in soft_bodies(found)] == ["body"]
-    assert [table.name for table in found.set] == ["disc"]
-    assert [table.set for table in found.load] == ["disc"]
-    assert [table.low for table in found.fixed] == [(0.04, -0.01, -0.01)]
-    assert not (found.tie or found.springs or found.marker or found.contact or found.strain_limit)
+    model = lowered(load_scene(SHARP, words))
+    mesh = model.bodies[0][1].mesh
+    assert mesh
+    found = alone(model, mesh)
+    assert [body.name for _, body in found.bodies] == ["body"]
+    assert [table.name for table in found.sets] == ["disc"]
+    effects = {effect.table: table for effect, table in found.effects}
+    assert [table.set for table in effects[Load]] == ["disc"]
+    assert [table.low for table in effects[Fixed]] == [(0.04, -0.01, -0.01)]
+    assert not {Contact, StrainLimit, Inertia} & set(effects)
+    assert not (found.ties or found.markers or found.contact or found.scheme)
+    assert found.joints and found.joints.count == 3
 
 
 def test_a_support_pulls_points_back_along_its_directions() -> None:
@@ -210,10 +218,10 @@ def test_a_support_pulls_points_back_along_its_directions() -> None:
 
 def test_quadratic_elements_are_held_against_half_their_edges() -> None:
     scene = load_scene(SHARP, [CLAMP, "mesh.element=h20", "mesh.level=8", "mesh_error={}"])
-    mesh = richer(scene).mesh
+    mesh = richer(lowered(scene)).bodies[0][1].mesh
     assert mesh
     assert (mesh.element, mesh.level, mesh.refine) == ("h20", 8, 1)
-    fast = richer(load_scene(SHARP, [CLAMP, "mesh_error={}"])).mesh
+    fast = richer(lowered(load_scene(SHARP, [CLAMP, "mesh_error={}"]))).bodies[0][1].mesh
     assert fast
     assert (fast.element, fast.level, fast.refine) == ("h20", 8, 0)
 

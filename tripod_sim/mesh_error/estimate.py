@@ -26,7 +26,7 @@ from scipy.sparse import csr_matrix
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import rotation_vector
-from tripod_sim.build import build
+from tripod_sim.build import build_model
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.quadratic_hexahedron import H20
 from tripod_sim.errors import SceneError, StepError
@@ -34,15 +34,13 @@ from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.integrators.report import MeshErrorReport
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import element_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
 from tripod_sim.mesh_error.outside import Outside, alone, interpolate, interpolation
 from tripod_sim.mesh_error.swing import Swing
+from tripod_sim.model import Model
 from tripod_sim.parts import Parts
-from tripod_sim.scene import Scene
-from tripod_sim.scene_short import contact_of, soft_bodies
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import GENERATED, Mesh
@@ -51,11 +49,11 @@ GRADED = 8
 """The coarsest mesh level of the Y whose cells are graded for quadratic elements; see `mesh.y_piece.LEVELS`."""
 
 
-def richer(scene: Scene) -> Scene:
-    """Return the static scene of the first body alone on the mesh that tells the error of its own."""
-    body = soft_bodies(scene)[0]
+def richer(model: Model) -> Model:
+    """Return the model at rest of the first body alone, on the mesh that tells the error of its own."""
+    _, body = model.bodies[0]
     assert body.mesh
-    return alone(scene, finer(body.mesh))
+    return alone(model, finer(body.mesh))
 
 
 def finer(mesh: Mesh) -> Mesh:
@@ -83,13 +81,14 @@ def finer(mesh: Mesh) -> Mesh:
 class MeshError:
     """Keeps the richer mesh beside a simulation."""
 
-    def __init__(self, scene: Scene, mesh: SolidMesh, simulated: Parts) -> None:
+    def __init__(self, model: Model, mesh: SolidMesh, simulated: Parts, share: float = np.inf) -> None:
         """Build the richer mesh.
 
         Args:
-            scene: Of the simulation.
+            model: Of the simulation.
             mesh: Of its first body, whose nodes come first in its states.
             simulated: Its parts.
+            share: Of the CPU time of the steps, what estimates may take.
 
         Raises:
             SceneError: it cannot be built.
@@ -99,22 +98,19 @@ class MeshError:
                 f"mesh_error cannot tell the error of a mesh of several kinds of elements ({mesh.kinds}): there is no "
                 "quadratic mesh on the same cells to compare with; leave out [mesh_error], and compare with a finer one"
             )
-        fine, solver = richer(scene), simulated.solver
-        parts = build(fine)
+        parts, solver = build_model(richer(model)), simulated.solver
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
-        self._outside = Outside(scene, mesh, parts, simulated)
-        system = self._system = self._outside.supported(parts.system, scene)
+        self._outside = Outside(model, mesh, parts, simulated)
+        system = self._system = self._outside.supported(parts.system, model)
         system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
         self._rotations = Rotations(mesh, system)
         self._newton = ChordNewton(system, solver.tolerance, solver.max_iterations)
-        self._careful = quasi_static_steps(
-            self._newton, solver.max_halvings, solver.max_turn, lowered(scene).reach
-        )
-        self._moves = bool(scene.inertia)
-        self._share = scene.mesh_error.share if scene.mesh_error else np.inf
+        self._careful = quasi_static_steps(self._newton, solver.max_halvings, solver.max_turn, model.reach)
+        self._moves = bool(model.scheme)
+        self._share = share
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
         self._rest, self._simulated = mesh.nodes, simulated
-        self._swing = self._swinging(scene, parts)
+        self._swing = self._swinging(model, parts)
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
         self._loads = NodalLoads(system.rest)
@@ -161,23 +157,17 @@ class MeshError:
         errors.carry_in(ModalSteps(swing.modes, errors.system, errors.inertia, swing.damping))
         return True
 
-    def _swinging(self, scene: Scene, richer: Parts) -> Swing | None:
+    def _swinging(self, model: Model, richer: Parts) -> Swing | None:
         """Return what lets the error swing; None where nothing moves, or what does is not the body alone."""
         system = self._simulated.system
-        if (
-            not scene.inertia
-            or contact_of(scene)
-            or len(soft_bodies(scene)) > 1
-            or not isinstance(system, System)
-        ):
+        if not model.scheme or model.contact or len(model.bodies) > 1 or not isinstance(system, System):
             return None
         (count, k), (own_plate, plate) = self._nodes.shape, self._outside.plates
         rows = np.append(np.repeat(np.arange(count), k), plate)
         weights = np.append(self._weights, np.ones(len(plate)))
         shape = (len(richer.mass), len(self._outside.system.rest))
         prolong = csr_matrix((weights, (rows, np.append(self._nodes, own_plate))), shape)
-        drag = scene.damping.mass if scene.damping else 0.0
-        return Swing(self._outside, self._system, prolong, richer.mass, drag, system.elastic)
+        return Swing(self._outside, self._system, prolong, richer.mass, model.drag, system.elastic)
 
     def follow(self, state: State, begin: float) -> MeshErrorReport:
         """Take notice of a step to `state` that began at `begin` of the thread's clock [s].

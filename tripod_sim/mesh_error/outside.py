@@ -1,7 +1,7 @@
 """What acts from outside on a body whose error a richer mesh tells: forces, and obstacles that hold it."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -10,17 +10,15 @@ from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.soft_build import assembled, sets_of
-from tripod_sim.build import build
+from tripod_sim.build import build_model
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.linear.choice import linear_factory
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.mesh_error.support import Support
+from tripod_sim.model import Model
 from tripod_sim.parts import Parts
-from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
@@ -38,42 +36,37 @@ PRESSES, STICKS = 1e-3, 0.999
 """As in `contact.rest`, which only scenes with contact import."""
 
 
-def alone(scene: Scene, mesh: Mesh) -> Scene:
-    """Return the static scene of the first body on `mesh`, without other bodies and what is said of these alone."""
-    scene = at_rest(scene)
-    if scene.mesh:
-        found = replace(scene, mesh=mesh)
-    else:
-        found = replace(scene, body=(replace(scene.body[0], mesh=mesh), *scene.body[1:]))
-    if len(soft_bodies(scene)) == 1:
+def alone(model: Model, mesh: Mesh) -> Model:
+    """Return the model at rest of the first body on `mesh`, without other bodies and what is said of these alone."""
+    model, (field, body) = model.at_rest(), model.bodies[0]
+    found = replace(model, bodies=((field, replace(body, mesh=mesh)),))
+    if len(model.bodies) == 1:
         return found
-    if scene.mesh:
-        found = replace(found, body=(), springs=None, tie=(), marker=())
-    else:
-        found = replace(found, body=found.body[:1], springs=None, tie=(), marker=())
-    sets = tuple(table for table in scene.set if _has(found, (table,), table.name))
-    held = tuple(
-        table
-        for table in scene.fixed
-        if _has(found, (*sets, NodeSet("held", low=table.low, high=table.high)), table.set or "held")
-    )
-    return replace(
-        found,
-        set=sets,
-        fixed=held,
-        prescribed=tuple(t for t in scene.prescribed if _has(found, sets, t.set)),
-        load=tuple(t for t in scene.load if _has(found, sets, t.set)),
-    )
+    found = replace(found, ties=(), markers=())
+    assembly, _ = assembled(found, described_mesh)
 
+    def has(tables: tuple[NodeSet, ...], name: str) -> bool:
+        """Return whether a set of `tables` has nodes of the body."""
+        try:
+            return bool(len(sets_of(replace(found, sets=tables), assembly).nodes(name, "")))
+        except SceneError:
+            return False
 
-def _has(scene: Scene, tables: tuple[NodeSet, ...], name: str) -> bool:
-    """Return whether a set of `tables` has nodes of the scene's body."""
-    bare = replace(scene, set=(), fixed=(), prescribed=(), load=())
-    assembly, _ = assembled(lowered(bare), described_mesh)
-    try:
-        return bool(len(sets_of(lowered(replace(bare, set=tables)), assembly).nodes(name, "")))
-    except SceneError:
-        return False
+    sets = tuple(table for table in model.sets if has((table,), table.name))
+
+    def concerns(table: Any) -> bool:
+        """Return whether what an effect holds, moves or loads, a set or a box, has nodes of the body."""
+        low, high = getattr(table, "low", None), getattr(table, "high", None)
+        return has((*sets, NodeSet("box", low=low, high=high)), table.set or "box")
+
+    effects = list[tuple[Any, Any]]()
+    for effect, table in model.effects:
+        own = tuple(filter(concerns, table)) if effect.several else table
+        if own or not effect.several:
+            effects.append((effect, own))
+    joints = model.joints.of_body(body.name) if model.joints else None
+    discs = tuple(disc for disc in model.discs if disc[2].name == body.name)
+    return replace(found, sets=sets, effects=tuple(effects), joints=joints, discs=discs)
 
 
 class Outside:
@@ -85,11 +78,11 @@ class Outside:
         changes: How often other points have been held.
     """
 
-    def __init__(self, scene: Scene, mesh: SolidMesh, richer: Parts, simulated: Parts) -> None:
+    def __init__(self, model: Model, mesh: SolidMesh, richer: Parts, simulated: Parts) -> None:
         """`mesh`, `simulated`: as for `MeshError`; `richer`: what it made of the richer mesh."""
-        body = soft_bodies(scene)[0]
+        _, body = model.bodies[0]
         assert body.mesh and body.material and isinstance(richer.mesh, SolidMesh)
-        parts = build(alone(scene, body.mesh))
+        parts = build_model(alone(model, body.mesh))
         assert isinstance(parts.system, System) and isinstance(richer.system, System)
         system = self.system = parts.system
         joints = len(system.groups.driven) + 1 + bool(system.groups.prescribed)
@@ -106,7 +99,7 @@ class Outside:
         self._support: Support | None = None
         self._world: ContactSolver | None = None
         self.changes = 0
-        if scene.obstacles:
+        if model.obstacles:
             self._world = integrator_of(simulated.stepper).world
             self._surface = np.unique(mesh.surface)
             volume = float(solid_volumes(mesh).sum())
@@ -116,11 +109,11 @@ class Outside:
             self._along = np.zeros((len(self._surface), 3, 3))
             self._astray = np.zeros((len(self._surface), 3))
 
-    def supported(self, system: System, scene: Scene) -> System:
+    def supported(self, system: System, model: Model) -> System:
         """Return the system of the richer mesh, with the supports of the body where it may have any."""
         if not self._support:
             return system
-        solver = scene.solver
+        solver = model.solver
         linear = linear_factory(solver.linear, solver.linear_tolerance)
         terms = [*system.terms, self._support]
         return System(system.rest, system.elastic.terms, system.groups, terms, linear=linear)
