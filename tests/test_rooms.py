@@ -98,6 +98,17 @@ def test_no_import_points_up_but_those_known() -> None:
     assert counts == UPWARD, "fewer than before: lower the numbers in UPWARD"
 
 
+def test_only_what_makes_a_model_of_a_scene_knows_scenes() -> None:
+    """All others read the model, in which nothing is short or left open."""
+    knowing = {
+        module
+        for module, targets in of_simulator().items()
+        if room_of(module) not in ("scene", "effects")
+        if any(room_of(target) == "scene" or target.endswith("scene_short") for target in targets)
+    }
+    assert knowing == {"tripod_sim.build", "tripod_sim.simulation"}
+
+
 def test_an_import_that_points_up_is_found() -> None:
     wrong = {"tripod_sim.linear.ldl": frozenset({"tripod_sim.simulation", "tripod_sim.errors"})}
     assert upward(wrong) == [("tripod_sim.linear.ldl", "tripod_sim.simulation")]

@@ -21,6 +21,9 @@ from tripod_sim.tables.sets import Marker, NodeSet, Vector
 REACH = 0.03
 """Length by which a slide counts as a turn where there are no arms [m]."""
 
+BALL = "ball"
+"""Field of the ball among the rigid bodies."""
+
 
 class ErrorEstimate(Enum):
     """How the error of the time steps is estimated."""
@@ -103,6 +106,11 @@ class Model:
     def reach(self) -> float:
         """Length of the arms by which a slide counts as a turn [m]."""
         return self.joints.reach if self.joints else REACH
+
+    @property
+    def rigid_ball(self) -> int | None:
+        """Which of the rigid bodies is the ball; None if none is."""
+        return next((k for k, (field, _) in enumerate(self.rigid) if field == BALL), None)
 
     def at_rest(self) -> "Model":
         """Return the model of the body at rest: without effects that only a body in motion has, and other bodies."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.joints import Arm, Joints
+from tripod_sim.model import BALL
 from tripod_sim.tables.bodies import HOME, Body, Rigid
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import Described
@@ -49,10 +50,6 @@ def _short(scene: Described) -> tuple[Body, ...]:
 
 
 # rigid bodies ---------------------------------------------------------------------------------------------------------
-
-
-BALL = "ball"
-"""Field of the ball among the rigid bodies."""
 
 
 def rigids_of(scene: Described) -> list[tuple[str, Rigid]]:

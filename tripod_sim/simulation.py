@@ -23,7 +23,6 @@ from tripod_sim.lowering import lowered
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import BALL
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual
@@ -470,7 +469,7 @@ class Simulation:
 
         Raises SceneError: the scene has no ball, or something is in that place now.
         """
-        rigid, number = self._parts.rigid, self._rigid_ball
+        rigid, number = self._parts.rigid, self._model.rigid_ball
         if rigid and self.state.rigid and number is not None:
             from tripod_sim.contact.rigid_start import put_back  # noqa: PLC0415 - only with contact
             from tripod_sim.mesh.surfaces import Part  # noqa: PLC0415
@@ -681,16 +680,10 @@ class Simulation:
     @property
     def ball(self) -> Pose | None:
         """Pose of the ball; None in a scene without one."""
-        if (number := self._rigid_ball) is not None:
+        if (number := self._model.rigid_ball) is not None:
             return self.rigid[number]
         b = self.state.ball
         return Pose(b.position.copy(), math.copysign(1.0, b.quaternion[3]) * b.quaternion) if b else None
-
-    @property
-    def _rigid_ball(self) -> int | None:
-        """Which rigid body is the ball; None if none is."""
-        fields = self._parts.rigid.fields if self._parts.rigid else ()
-        return fields.index(BALL) if BALL in fields else None
 
     @property
     def ball_game(self) -> "MazeBall | None":
@@ -707,7 +700,7 @@ class Simulation:
         """What has become of the ball, in words; empty while nothing has, and without a ball."""
         if self.state.ball:
             return self.state.ball.event
-        rigid, state, number = self._parts.rigid, self.state.rigid, self._rigid_ball
+        rigid, state, number = self._parts.rigid, self.state.rigid, self._model.rigid_ball
         if not (rigid and state) or number is None:
             return ""
         others = np.concatenate([self.state.positions, self._world.obstacles])
