@@ -120,7 +120,7 @@ def _chosen(
 ) -> tuple[list[str], list["Plan"]]:
     """Return the reports and the studies that are asked for. Raises SceneError."""
     from tripod_sim.errors import SceneError  # noqa: PLC0415
-    from tripod_sim.scene_file import scene_names  # noqa: PLC0415
+    from tripod_sim.scene.file import scene_names  # noqa: PLC0415
 
     if part not in PARTS:
         raise SceneError(f"--part is {part!r}; allowed: {', '.join(PARTS)}")
@@ -155,7 +155,7 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     """Return the study of any scene, with what the options change. Raises SceneError."""
     from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
-    from tripod_sim.scene_file import scene_names  # noqa: PLC0415
+    from tripod_sim.scene.file import scene_names  # noqa: PLC0415
 
     with loading("tripod study"):
         from tripod_study import any_scene  # noqa: PLC0415 - heavy

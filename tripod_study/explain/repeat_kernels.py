@@ -5,7 +5,8 @@ from typing import Any
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.springs import explicit_kernels, spring_kernels
+from tripod_sim.forces import spring_kernels
+from tripod_sim.springs import explicit_kernels
 
 
 @njit(cache=True, error_model="numpy")
