@@ -464,7 +464,7 @@ def test_the_arms_of_another_scene_do_not_stand_as_those_before(stage: Stage, br
     browser.wait(lambda: browser.value("scene")["name"] == "cross")
     for name in ("/arms/0", "/servos/0", "/effector"):
         browser.wait(lambda name=name: turns(name, times=2))
-    assert turns("/arms/0", times=2)[-1] == [1, 0, 0, 0]
+    browser.wait(lambda: turns("/arms/0", times=2)[-1] == [1, 0, 0, 0])
 
 
 def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, browser: FakeBrowser) -> None:
