@@ -50,7 +50,7 @@ class PlannerThread:
         self.notice = ""
 
     def forget(self) -> None:
-        """Build the planner anew for the next question: the limits have changed."""
+        """Rebuild the planner for the next request: the limits have changed."""
         self._built_at = np.nan
 
     def stand(self, slide: float, now: float) -> None:

@@ -57,7 +57,7 @@ class Model:
         contact: What holds between bodies that touch; None: nothing does.
         jumps: Whether velocities jump, at impacts or at a limit of strain.
         ball: The ball in a maze; None without one.
-        time_error: What is asked of the error of the time steps; None for nothing.
+        time_error: The table of the error of the time steps; None without one.
         estimate: How that error is found; None without `time_error`.
     """
 
@@ -123,5 +123,5 @@ class Model:
 
     @property
     def carried(self) -> TimeError | None:
-        """What is asked of an error that the scheme carries along; None where it does not."""
+        """The table of an error that the scheme carries along; None where it carries none."""
         return self.time_error if self.estimate is ErrorEstimate.CARRIED else None

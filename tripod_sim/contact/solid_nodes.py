@@ -174,7 +174,7 @@ class SolidNodes(Body):
         group = self._system.reduction.number[self.nodes[self._rigid]]
         arm[self._rigid] = positions[self._rigid] - start.centres[group]
 
-    def anew(self) -> None:
+    def invalidate(self) -> None:
         """Drop what is known of the potential at some moves: the bound of strains has changed."""
         self._at[:] = np.nan
 
@@ -190,14 +190,14 @@ class SolidNodes(Body):
         """Stiffen what bounds the strains."""
         if self.bound:
             self.bound.harden()
-            self.anew()
+            self.invalidate()
 
     def settle(self, u: FloatArray) -> float:
         """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
         if not self.bound:
             return 0.0
         error = self.bound.settle(self.moved(u))
-        self.anew()
+        self.invalidate()
         return error
 
     def past(self) -> tuple[FloatArray, ...]:

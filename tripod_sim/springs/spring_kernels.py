@@ -173,6 +173,18 @@ def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array
 
 
 @njit(cache=True, error_model="numpy")
+def _shares(
+    links: Links, m: int, length: float, rate: float, before: float
+) -> tuple[float, float, float, float]:
+    """Return the energies [J] of spring m alone and of its dampers in a stage, then their tensions [N]."""
+    rest, k, c = links.rest[m], links.stiffness[m], rate * links.damping[m]
+    energy, _, tension = stage_tension(length, rest, k, c, rate * links.viscosity * k, before, links.slack)
+    stretch, _, elastic = tension_of(length, rest, k, links.slack)
+    own = 0.5 * elastic * stretch
+    return own, energy - own, elastic, tension - elastic
+
+
+@njit(cache=True, error_model="numpy")
 def add_gradients(
     x: Array, links: Links, rate: float, reference: Array, g: Array, d: Array
 ) -> tuple[float, float]:
@@ -181,14 +193,8 @@ def add_gradients(
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        rest, k, c = links.rest[m], links.stiffness[m], rate * links.damping[m]
-        energy, _, tension = stage_tension(
-            length, rest, k, c, rate * links.viscosity * k, reference[m], links.slack
-        )
-        stretch, _, elastic = tension_of(length, rest, k, links.slack)
-        own = 0.5 * elastic * stretch
-        stored, lost = stored + own, lost + (energy - own)
-        tension -= elastic
+        own, added, elastic, tension = _shares(links, m, length, rate, reference[m])
+        stored, lost = stored + own, lost + added
         add_pair(g, j, i, elastic * n0, elastic * n1, elastic * n2)
         add_pair(d, j, i, tension * n0, tension * n1, tension * n2)
     return stored, lost
@@ -201,13 +207,8 @@ def add_damper_gradient(x: Array, links: Links, rate: float, reference: Array, g
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        rest, k, c = links.rest[m], links.stiffness[m], rate * links.damping[m]
-        energy, _, tension = stage_tension(
-            length, rest, k, c, rate * links.viscosity * k, reference[m], links.slack
-        )
-        stretch, _, elastic = tension_of(length, rest, k, links.slack)
-        total += energy - 0.5 * elastic * stretch
-        tension -= elastic
+        _, added, _, tension = _shares(links, m, length, rate, reference[m])
+        total += added
         add_pair(g, j, i, tension * n0, tension * n1, tension * n2)
     return total
 
