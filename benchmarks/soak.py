@@ -71,7 +71,7 @@ def start(directory: Path, seconds: float, log: Path) -> subprocess.Popen[bytes]
 def wait_for_all(process: subprocess.Popen[bytes], log: Path) -> None:
     """Wait until the simulation runs and the driver moves; raises RuntimeError if that does not come."""
     end = time.monotonic() + PATIENCE
-    while b"control IK" not in log.read_bytes():
+    while b"moved by the inverse kinematics" not in log.read_bytes():
         if process.poll() is not None or time.monotonic() > end:
             raise RuntimeError(f"the demo did not start:\n{log.read_text()}")
         time.sleep(1.0)

@@ -15,8 +15,8 @@ from tests.terminal import Terminal
 ROOT = Path(__file__).parents[2]
 README, FIRST, OWN, ROBOT = ("README.md", "docs/first_robot.md", "docs/own_robot.md", "docs/on_the_robot.md")
 WAITS = {
-    r"make demo": r"control IK \|",
-    r"tripod up( --scene \S+)?": r"control nobody \|",
+    r"make demo": r"moved by the inverse kinematics \|",
+    r"tripod up( --scene \S+)?": r"nothing moves the robot \|",
     r"tripod run .*--view": r"Ctrl-C",
 }
 """Commands that run until Ctrl-C, and what they show by then."""
