@@ -171,7 +171,7 @@ class Planner:
             stops = [(self.model.save(), trail[first])]
             with suppress(StepError, SceneError):
                 for there in (*trail[first + 1 :: EVERY], state):
-                    passed = self.model.follow(there.angles, shortest=SHORTEST / 4)
+                    passed = self.model.follow(there.angles, shortest=SHORTEST / 2)
                     stops.append((self.model.save(), passed))
                 if np.abs(passed.equilibrium - state.equilibrium).max() < SAME:
                     return start, stops[:-1]
@@ -435,7 +435,7 @@ class Planner:
         softest = WITHIN * max(SOFTEST, min(CALM, start[1].firmness, end[1].firmness))
         try:
             self.model.follow(
-                end[1].angles, softest=softest, shortest=SHORTEST / 4, longest=LONGEST, passed=passed
+                end[1].angles, softest=softest, shortest=SHORTEST / 2, longest=LONGEST, passed=passed
             )
         except (StepError, SceneError):
             return np.inf
