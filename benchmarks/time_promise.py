@@ -51,6 +51,7 @@ class Case:
         scheme: Of the reference.
         turn: By which the servos turn in `ramp` intervals [rad]; empty without servos.
         ramp: See `turn`.
+        tolerance: `solver.tolerance` of the reference without contact [N].
     """
 
     text: str
@@ -59,6 +60,7 @@ class Case:
     scheme: str = "bdf2"
     turn: tuple[float, ...] = ()
     ramp: int = 1
+    tolerance: float = 1e-9
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
@@ -294,9 +296,9 @@ def reference(case: Case, folder: Path) -> tuple[np.ndarray, float]:
     path = folder / "promise.toml"
     path.write_text(case.text)
     scene, found = load_scene(path), []
-    words = ["contact.tolerance=1e-5", "contact.max_solves=300"] if scene.contact else []
-    if not scene.contact:
-        words.append("solver.tolerance=1e-9")
+    words = [f"solver.tolerance={case.tolerance!r}"]
+    if scene.contact:
+        words = ["contact.tolerance=1e-5", "contact.max_solves=300"]
     for division in (case.division // 2, case.division):
         step = [f"inertia.scheme={case.scheme}", f"dt={scene.dt / division!r}", "solver.mode=newton", *words]
         found.append(play(case, folder, *step)[0])
