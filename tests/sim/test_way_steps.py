@@ -1,8 +1,12 @@
 """Steps that follow an asked accuracy where bodies touch (see `path_error_control`)."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks.time_error_scenes import drawn
+from benchmarks.time_promise import play
 from tests.checks import assert_failing_leaves_the_state
 from tests.messages import raises_naming
 from tripod_host.rotations import rotation_matrix
@@ -148,6 +152,17 @@ def test_with_an_accuracy_solves_end_where_they_are_exact_enough_for_it() -> Non
     assert counts[1] < 0.9 * counts[0]
     move = np.linalg.norm(ends[0] - made(*words).state.positions, axis=1).max()
     assert 0 < np.linalg.norm(ends[1] - ends[0], axis=1).max() < 0.01 * move
+
+
+@pytest.mark.parametrize("kind", ["solids", "springs", "sag"])
+def test_what_solves_leave_is_little_beside_the_accuracy(kind: str, tmp_path: Path) -> None:
+    """A bar and nets that swing: what is left of each step moves them on, and adds up over all steps."""
+    case, words, ends = drawn(kind, False, 20261201), ("dt=auto", "time_error.accuracy=0.1"), []
+    for share in (0.0, newton.UNSOLVED):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(newton, "UNSOLVED", share)
+            ends.append(play(case, tmp_path, *words)[0])
+    assert 0 < off(ends[1], ends[0]) < 0.02
 
 
 @pytest.mark.parametrize(("ratio", "given"), [(4.0, 0.25), (1.5, 0.9), (30.0, 0.0)])

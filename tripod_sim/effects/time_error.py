@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.scheme import Scheme
 from tripod_sim.integrators.schemes import auto
 from tripod_sim.model import ErrorEstimate, Model
 from tripod_sim.scene_short import contact_of, rigids_of, servo_tables, soft_bodies
@@ -49,37 +50,38 @@ def check(wanted: TimeError, scene: Described) -> None:
         )
 
 
-FINEST = 0.05
-"""Finest accuracy that is promised for a solid in contact."""
+FINEST = 0.01
+"""Finest accuracy that is promised for soft bodies."""
 
 
 def not_promised(scene: Described) -> str:
     """Return why no promise is given for the accuracy that a scene asks for; empty where one is given.
 
-    A promise is given where benchmarks/time_promise.py keeps it: for rigid bodies that do not bounce, and for one solid
-    that something holds and that swings on obstacles. A ball in a maze is watched by two others, which tell what its
-    place depends on (`TimeErrorReport.ball`).
+    A promise is given where benchmarks/time_promise.py and benchmarks/time_error_scenes.py keep it: for rigid bodies
+    that do not bounce, and for one solid or net, with obstacles or without. A ball in a maze is watched by two others,
+    which tell what its place depends on (`TimeErrorReport.ball`).
     """
     if not (scene.time_error and scene.time_error.accuracy and by_path(scene)):
         return ""
     bodies, contact, accuracy = soft_bodies(scene), contact_of(scene), scene.time_error.accuracy
     if scene.maze and not contact:
         return ""
+    scheme = scene.inertia.integrator
     reasons = {
-        "a soft body that touches nothing swings, and the errors of a swing are estimated too small": not contact,
-        "springs bend, fold and go slack, which the estimate does not see": any(
-            body.springs for body in bodies
-        ),
         "bodies bounce (restitution above 0), and errors grow with each bounce": contact
         and contact.restitution > 0,
         "a rigid body rolls on a soft one, and the estimate does not see where to": bodies
         and rigids_of(scene),
-        "servos move a soft body in contact, for which the promise is not measured": bodies
-        and servo_tables(scene),
-        "soft bodies touch each other, for which the promise is not measured": len(bodies) > 1,
-        "a soft body that nothing holds lands on edges, and keeps it in 9 of 10 scenes only": bodies
-        and not scene.fixed,
-        f"solids keep {100 * FINEST:g} %, but not always less": bodies and accuracy < FINEST,
+        "a soft body is moved, by servos or [[prescribed]], for which the promise is not measured": bodies
+        and (servo_tables(scene) or scene.prescribed),
+        "there are several soft bodies, for which the promise is not measured": len(bodies) > 1,
+        "a soft body touches itself, for which the promise is not measured": contact and contact.self_contact,
+        "the strain of springs is limited, for which the promise is not measured": scene.strain_limit,
+        f"inertia.scheme is '{scheme.name}', with which the promise is not measured for soft bodies": bodies
+        and scheme not in (auto.SCHEME, chosen_scheme(scene)),
+        f"solver.mode is '{scene.solver.mode}', which ends a step where solver.position_tolerance says": bodies
+        and scene.solver.mode == "one_solve",
+        f"soft bodies keep {100 * FINEST:g} %, but not always less": bodies and accuracy < FINEST,
     }
     return next((why for why, holds in reasons.items() if holds), "")
 
@@ -95,13 +97,18 @@ def promise_note(scene: Described) -> str:
     )
 
 
+def chosen_scheme(scene: Described) -> Scheme:
+    """Return the scheme of steps that are chosen by their path, where that is left open."""
+    return auto.SCHEME.at_hits if halves(scene) else auto.SCHEME.smooth
+
+
 def lower(wanted: TimeError, scene: Described, model: Model) -> Model:
     """Say how the error is found; choose a scheme for steps that are chosen by their path, where that is left open."""
     if not by_path(scene):
         found = ErrorEstimate.HALF_STEPS if halves(scene) else ErrorEstimate.CARRIED
         return replace(model, time_error=wanted, estimate=found)
     if model.scheme and model.scheme.is_automatic:
-        model = replace(model, scheme=auto.SCHEME.at_hits if halves(scene) else auto.SCHEME.smooth)
+        model = replace(model, scheme=chosen_scheme(scene))
     note = promise_note(scene)
     notes = (*model.notes, *([note] if note else []))
     return replace(model, time_error=wanted, estimate=ErrorEstimate.OVER_PATH, notes=notes)
@@ -117,8 +124,8 @@ def finish(wanted: TimeError, model: Model, parts: Parts, build: Callable[[Model
         from tripod_sim.integrators.path_error_control import PathErrorControl
 
         distance = model.contact.contact_distance if model.contact else 0.0
-        solid = any(body.springs is None for _, body in model.bodies)
-        control = PathErrorControl(parts, wanted, model.scheme, distance, solid=solid)
+        nets = [body.springs is not None for _, body in model.bodies]
+        control = PathErrorControl(parts, wanted, model.scheme, distance, solid=not all(nets), net=any(nets))
         return replace(parts, stepper=Substeps(control.integrator, control), chosen=control)
     if parts.errors:
         return parts

@@ -80,10 +80,11 @@ the solver leaves is held against this share, not against the whole: it moves al
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE, FINER = (1.0, 0.5, 0.7), (0.5, 0.9, 0.35)
-"""Of the accuracy A that what is measured may add up to at A = 0.1, and power of A that goes with it, of springs and
-rigid bodies, of a solid that touches others, and of one alone: what is measured is of leading order, and hits, which
-make errors larger, take the more of a finer accuracy."""
+RIGID, SOLID_TOUCHING, SOLID_ALONE, NET_TOUCHING = (1.0, 0.5), (0.5, 0.9), (0.7, 0.35), (0.2, 0.1)
+"""Of the accuracy A that what is measured may add up to at A = 0.1, and power of A / 0.1 that goes with it, of springs
+alone and rigid bodies, of solids and of springs that touch others: what is measured is of leading order, hits, which
+make errors larger, take the more of a finer accuracy, and a net that folds on an obstacle makes them several times as
+large."""
 
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
@@ -115,6 +116,7 @@ class PathErrorControl(StepControl):
         distance: float,
         *,
         solid: bool = False,
+        net: bool = False,
     ) -> None:
         """Control the substeps of what `parts.stepper` integrates with.
 
@@ -124,6 +126,7 @@ class PathErrorControl(StepControl):
             scheme: Its time integrator.
             distance: Of contact [m], 0 without.
             solid: Whether a body is a solid.
+            net: Whether a body is of springs.
         """
         self._order, self._fast = scheme.order, scheme.over_difference
         inner = parts.stepper
@@ -151,8 +154,10 @@ class PathErrorControl(StepControl):
         self._newton = self.integrator.newton if wanted.accuracy else None
         if self._newton:
             self._newton.keep_several()
-        kind = 0 if not solid else 1 if self._world else 2
-        share = SHARE[kind] * (wanted.accuracy / 0.1) ** FINER[kind]
+        kinds = [RIGID, *([SOLID_TOUCHING if self._world else SOLID_ALONE] if solid else [])]
+        if net and self._world:
+            kinds.append(NET_TOUCHING)
+        share = min(most * (wanted.accuracy / 0.1) ** power for most, power in kinds)
         self._accuracy = min(share, 1.0) * wanted.accuracy
         self._maze = self._ball if wanted.accuracy else None
         self._shifted = self._maze.shifted() if self._maze else None
