@@ -14,17 +14,26 @@ from tripod_sim import load_scene
 EVERY = [(kind, touching) for kind in scenes.KINDS for touching in (False, True)]
 
 
-@pytest.mark.parametrize(
-    ("kind", "touching"), sampled(EVERY, ("solids", False), ("slack", False), ("sag", False), ("sag", True))
-)
-def test_what_is_promised_is_kept(kind: str, touching: bool, tmp_path: Path) -> None:
-    """All 60 scenes are in the benchmark and in docs/time_error.md."""
-    case = scenes.drawn(kind, touching, 1)
-    exact, own = scenes.refined(case, tmp_path)
-    for accuracy in scenes.ACCURACIES:
-        run = scenes.automatic(case, accuracy, exact, tmp_path)
-        assert run["promised"]
-        assert run["error"] <= accuracy or own > KNOWN * accuracy
+def kept(kind: str, touching: bool, seed: int, folder: Path) -> list[bool]:
+    """Return whether a scene keeps each accuracy that it promises and that its reference judges."""
+    case = scenes.drawn(kind, touching, seed)
+    exact, own = scenes.refined(case, folder)
+    runs = [(a, scenes.automatic(case, a, exact, folder)) for a in scenes.ACCURACIES]
+    assert all(run["promised"] for _, run in runs)
+    return [run["error"] <= a for a, run in runs if own <= KNOWN * a]
+
+
+@pytest.mark.parametrize("kind", sampled(scenes.KINDS, "solids", "slack", "sag"))
+def test_what_touches_nothing_keeps_every_promise(kind: str, tmp_path: Path) -> None:
+    assert all(kept(kind, False, 1, tmp_path))
+
+
+@pytest.mark.slow
+def test_most_promises_of_what_touches_are_kept(tmp_path: Path) -> None:
+    """At least 90 % of about 50 runs: 95 % of the 240 in docs/time_error.md."""
+    runs = [ok for kind in scenes.KINDS for seed in (1, 2, 3) for ok in kept(kind, True, seed, tmp_path)]
+    assert len(runs) > 30
+    assert np.mean(runs) >= 0.9
 
 
 @pytest.mark.parametrize(("kind", "touching"), EVERY)
