@@ -74,8 +74,10 @@ SPEND = 0.25
 """Share of what earlier parts have spared that a part may add."""
 
 LEAST = 0.01
-"""Share of the whole that a part may add where nothing is spared: what hits on and on or trembles needs no less. What
-the solver leaves is held against this share, not against the whole: it moves all parts the same way."""
+"""Share of the whole that a part may add where nothing is spared: what hits on and on or trembles needs no less."""
+
+UNSOLVED = 0.1
+"""Share of the whole that what the solver leaves of a part is held against: it may move all parts the same way."""
 
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
@@ -215,8 +217,8 @@ class PathErrorControl(StepControl):
         if self._ball and state.ball:
             self._ball.load(state, state.ball)
         if self._newton and state.way:
-            least = LEAST * (self._accuracy * float(state.way.furthest.max()) + self._floor)
-            self._newton.allow(least, self._h)
+            whole = self._accuracy * float(state.way.furthest.max()) + self._floor
+            self._newton.allow(UNSOLVED * whole, self._h)
 
     def shorten(self, spent: int) -> bool:
         """Halve the substep, unless it is far shorter than errors ask for."""
