@@ -29,7 +29,7 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 import numpy as np
 
 from benchmarks.contact_accuracy import LADDER, SCHEMES
-from benchmarks.doc_parts import table_lines, write_part
+from benchmarks.doc_parts import table_lines
 from benchmarks.stored_rows import store, stored
 from benchmarks.time_promise import (
     KNOWN,
@@ -67,7 +67,9 @@ def solids(rng: np.random.Generator, *, touching: bool) -> Case:
         plate = obstacle("plate.obj", 1.0, (0.0, 0.0, -between(rng, 0.003, 0.02)))
         return Case(soft_head(rng) + bar(rng) + plate, 24, 64)
     size, gap = rng.uniform(0.03, 0.06, 3) * [1, 1, 0.7], between(rng, 0.002, 0.02)
-    text = soft_head(rng) + block([*(-size[:2] / 2), 5e-4 + gap], size, (2, 2, 2), between(rng, 5e4, 5e5))
+    text = soft_head(rng) + block(
+        [*(-size[:2] / 2), 5e-4 + gap], size.tolist(), (2, 2, 2), between(rng, 5e4, 5e5)
+    )
     return Case(text + obstacle("plate.obj"), 24, 64)
 
 
@@ -268,7 +270,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=202613000, help="of the first; the others follow")
     parser.add_argument("--results", type=Path, default=Path("build/time_error_scenes/rows.jsonl"))
     parser.add_argument("--report", action="store_true", help="print the tables of the results alone")
-    parser.add_argument("--write", action="store_true", help="write the table to docs/time_error.md, too")
     options = parser.parse_args()
     rows = stored(options.results)
     if not options.report:
@@ -281,8 +282,6 @@ def main() -> None:
             store(options.results, rows[-1])
             print(_line(rows[-1]), f"{time.thread_time() - begin:.1f} s", flush=True)
     print("\n".join(["", *table(rows)]))
-    if options.write:
-        write_part("time_error.md", "sixty", table(rows))
 
 
 def _line(row: dict[str, Any]) -> str:

@@ -35,7 +35,8 @@ ASKED = ("dt=auto", "time_error.accuracy=0.05")
         ("silicone", ("inertia.scheme=bdf2",), ("inertia.scheme", "bdf2")),
         ("cloth", ("inertia.scheme=rk4",), ("inertia.scheme", "rk4")),
         ("silicone", ("solver.mode=one_solve",), ("solver.mode", "one_solve", "solver.position_tolerance")),
-        ("silicone_drop", (HELD, "time_error.accuracy=0.005"), ("soft bodies", "1 %")),
+        ("silicone_drop", (HELD, "time_error.accuracy=0.02"), ("soft bodies", "in contact", "5 %")),
+        ("silicone", ("time_error.accuracy=0.005",), ("soft bodies", "without contact", "1 %")),
     ],
 )
 def test_where_nothing_is_promised_the_scene_says_why(
@@ -51,9 +52,9 @@ def test_where_nothing_is_promised_the_scene_says_why(
         ("stack", ("time_error.accuracy=0.01",)),
         ("incline", ()),
         ("bounce", ("contact.restitution=0",)),
-        ("silicone_drop", (HELD, "time_error.accuracy=0.01")),
+        ("silicone_drop", (HELD,)),
         ("silicone_drop", ()),
-        ("silicone", ()),
+        ("silicone", ("time_error.accuracy=0.01",)),
         ("pendulum", ()),
         ("cloth", ()),
         ("drape", ("springs.compressed=push",)),
@@ -104,7 +105,7 @@ def test_a_promise_that_is_given_holds(kind: str, seed: int, tmp_path: Path) -> 
     row = time_promise.measure(kind, seed, tmp_path)
     if time_promise.judged(row) and row["promised"]:
         assert row["error"] <= row["accuracy"]
-    assert row["promised"]
+    assert row["promised"] or row["accuracy"] < 0.05, "finer than soft bodies in contact keep"
 
 
 @pytest.mark.parametrize(
