@@ -262,7 +262,7 @@ KINDS = {
 }
 """By name."""
 
-PROMISED = ("falls", "slides", "stacks", "meets", "bars", "blocks", "net", "free", "slack")
+PROMISED = ("falls", "slides", "stacks", "meets", "bars", "net", "free", "slack")
 """Kinds in which a run promises its accuracy: as many scenes as asked for. Of the others a third."""
 
 
