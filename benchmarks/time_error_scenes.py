@@ -29,7 +29,7 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 import numpy as np
 
 from benchmarks.contact_accuracy import LADDER, SCHEMES
-from benchmarks.doc_parts import table_lines
+from benchmarks.doc_parts import table_lines, write_part
 from benchmarks.stored_rows import store, stored
 from benchmarks.time_promise import (
     KNOWN,
@@ -270,6 +270,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=202614000, help="of the first; the others follow")
     parser.add_argument("--results", type=Path, default=Path("build/time_error_scenes/rows.jsonl"))
     parser.add_argument("--report", action="store_true", help="print the tables of the results alone")
+    parser.add_argument("--write", action="store_true", help="write the table to docs/time_error.md, too")
     options = parser.parse_args()
     rows = stored(options.results)
     if not options.report:
@@ -282,6 +283,8 @@ def main() -> None:
             store(options.results, rows[-1])
             print(_line(rows[-1]), f"{time.thread_time() - begin:.1f} s", flush=True)
     print("\n".join(["", *table(rows)]))
+    if options.write:
+        write_part("time_error.md", "sixty", table(rows))
 
 
 def _line(row: dict[str, Any]) -> str:
