@@ -21,7 +21,7 @@ from tripod_sim.errors import StepError
 try:
     from tripod_sim.scene.script import script_of
 except ImportError:
-    from tripod_sim.script import script_of
+    from tripod_sim.scene.script import script_of
 name, steps, *words = sys.argv[1:]
 scene = load_scene(name, words)
 script = script_of(scene, None, None)
@@ -59,7 +59,7 @@ def main() -> int:
     parser.add_argument("--turns", type=int, default=3, help="runs in each checkout")
     parser.add_argument("--limit", type=float, default=1.1, help="largest ratio")
     options = parser.parse_intermixed_args()
-    from tripod_sim.scene_file import scene_names  # noqa: PLC0415 - after the arguments
+    from tripod_sim.scene.file import scene_names  # noqa: PLC0415 - after the arguments
 
     changes = [word for word in options.words if "=" in word]
     slower = 0

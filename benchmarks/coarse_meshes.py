@@ -1,4 +1,4 @@
-"""How right the note is that warns of cells too coarse to bend (`tripod_sim.mesh.suited`), on 50 meshes.
+"""How right the note is that warns of cells too coarse to bend (`tripod_sim.bodies.suited`), on 50 meshes.
 
     python benchmarks/coarse_meshes.py
 
@@ -29,6 +29,7 @@ from benchmarks.blocks import elastic
 from benchmarks.doc_parts import table_lines, write_part
 from benchmarks.stored_rows import store, stored
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.bodies.suited import TOLD, suited
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import CORNERS
@@ -36,7 +37,6 @@ from tripod_sim.elements.tetrahedron import right_handed
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.refine import refine
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
-from tripod_sim.mesh.suited import TOLD, suited
 
 FACTOR = 1.3
 """Within which a note is right."""

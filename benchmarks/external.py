@@ -37,7 +37,7 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.forces.set_loads import face_integrals, faces_within
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.scene_file import scene_from_toml
+from tripod_sim.scene.file import scene_from_toml
 
 ELEMENTS = ("h8_modes", "t10", "h20", "h20_full", "h27", "h8", "h8_mean", "t4")
 SCHEMES = ("semi_implicit_euler", "explicit_euler", "rk4", "implicit_euler", "bdf2", "tr_bdf2")

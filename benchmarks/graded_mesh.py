@@ -36,7 +36,7 @@ from tripod_bringup.study_plans import plan
 from tripod_sim import SceneError, Simulation, StepError
 from tripod_sim.mesh import y_piece
 from tripod_sim.mesh.y_piece import LEVELS, YLevel
-from tripod_sim.script import script_of
+from tripod_sim.scene.script import script_of
 from tripod_study import watch
 from tripod_study.motion import scene_of
 from tripod_study.plan import Settings

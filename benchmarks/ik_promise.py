@@ -30,7 +30,7 @@ from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
 from tripod_ik.study_task import ROBOT, SCENE, robot
 from tripod_ik.tracker_settings import Goal, TrackerSettings
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 
 STUDY = Path(__file__).resolve().parents[1] / "tripod_study" / "studies" / "ik.json"
 SCALE = json.loads(STUDY.read_text(encoding="utf-8"))["quantities"][0]["scale"]

@@ -29,7 +29,7 @@ from tripod_sim.effects import EFFECTS, words  # noqa: E402
 from tripod_sim.effects.inertia import Inertia  # noqa: E402
 from tripod_sim.elements.catalogue import ELEMENTS  # noqa: E402
 from tripod_sim.errors import SceneError  # noqa: E402
-from tripod_sim.scene_file import scene_from_toml  # noqa: E402
+from tripod_sim.scene.file import scene_from_toml  # noqa: E402
 from tripod_sim.tables.method import Solver  # noqa: E402
 
 STEPS = 3

@@ -3,7 +3,8 @@
     python benchmarks/trapezoids.py [--write]    # into docs/verification.md
 
 A bar with a force at its tip, nu = 0; the inner faces across it lean over by the tilt, one to the right and the next to
-the left. Cells along it and through its thickness; deflections over Timoshenko's; `told`: by `tripod_sim.mesh.bending`.
+the left. Cells along it and through its thickness; deflections over Timoshenko's; `told`: by
+`tripod_sim.bodies.bending`.
 """
 
 import argparse
@@ -18,8 +19,8 @@ import numpy as np
 from benchmarks.analytic import HEIGHT, INERTIA, LENGTH, SHEAR, YOUNG, bar, tangent
 from benchmarks.blocks import elastic
 from benchmarks.doc_parts import write_part
+from tripod_sim.bodies.bending import bending
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.mesh.bending import bending
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 

@@ -17,8 +17,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import StepError
-from tripod_sim.scene_file import scene_names
-from tripod_sim.script import script_of
+from tripod_sim.scene.file import scene_names
+from tripod_sim.scene.script import script_of
 
 EVERY = 10
 """Steps from one kept state to the next."""

@@ -82,7 +82,7 @@ def own_study(scene: str, overrides: Sequence[str], folder: Path = OWN_STUDIES) 
     None where the study that comes with the scene serves, and where there is none. Raises SceneError: no such scene.
     """
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415
     from tripod_study.accuracy.choice import study_of, unseen  # noqa: PLC0415
 
     made = load_scene(scene, overrides)

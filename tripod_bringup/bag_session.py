@@ -18,7 +18,7 @@ from tripod_record.segments import (
     simulators,
 )
 from tripod_runtime.resimulation import STAMP_ERROR, Body, Commands, Resimulation, Saved
-from tripod_sim.scene_file import scene_from_toml
+from tripod_sim.scene.file import scene_from_toml
 from tripod_sim.simulation import Simulation
 
 

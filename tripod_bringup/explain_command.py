@@ -80,7 +80,7 @@ def explain_command(
     """Measure, print and return the exit code: 0, 2 bad arguments, 1 a step cannot be made."""
     with loading("tripod explain", shown=not quiet):
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
-        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+        from tripod_sim.scene.file import load_scene  # noqa: PLC0415
         from tripod_study.explain.report import explain  # noqa: PLC0415
 
     estimated: SpatialError | None = None

@@ -63,8 +63,8 @@ def solve_command(
         from tripod_ik.solve_once import solve_once  # noqa: PLC0415
         from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
-        from tripod_sim.scene_short import joints_of  # noqa: PLC0415
+        from tripod_sim.scene.file import load_scene  # noqa: PLC0415
+        from tripod_sim.tables.short_forms import joints_of  # noqa: PLC0415
 
     shown = sys.stderr.isatty()
     try:

@@ -53,7 +53,7 @@ def measure_command(
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415 - not needed for the help
     from tripod_identify.safe_poses import LOOKS, allowed, telling_poses  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415
 
     try:
         if sensor not in LOOKS:

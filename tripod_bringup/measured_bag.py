@@ -14,7 +14,7 @@ from tripod_identify.measured import Measured, checked
 from tripod_record.bag import Bag
 from tripod_record.table import Series, read_series
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import effector_of
+from tripod_sim.tables.short_forms import effector_of
 
 STILL = 1.0
 """A pose counts as at rest once its commands have stood for so long [s]."""

@@ -41,7 +41,7 @@ def opened(
     """
     from tripod_identify.alignment import KINDS  # noqa: PLC0415 - not needed for the help
     from tripod_identify.observe import parse_point  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415
 
     if align not in KINDS:
         raise DataError(f"--align is {align!r}; allowed: {', '.join(KINDS)}")

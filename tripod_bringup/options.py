@@ -22,14 +22,14 @@ class To(StrEnum):
 
 def some_scenes(incomplete: str) -> list[str]:
     """Return the scenes that begin so: for the completion of shells."""
-    from tripod_sim.scene_file import scene_names  # noqa: PLC0415 - only while a line is completed
+    from tripod_sim.scene.file import scene_names  # noqa: PLC0415 - only while a line is completed
 
     return [name for name in scene_names() if name.startswith(incomplete)]
 
 
 def some_fields(incomplete: str) -> list[str]:
     """Return the fields of scenes that begin so, `table.field=`."""
-    from tripod_sim.scene_file import field_names  # noqa: PLC0415
+    from tripod_sim.scene.file import field_names  # noqa: PLC0415
 
     return [f"{name}=" for name in field_names() if name.startswith(incomplete)]
 

@@ -37,7 +37,7 @@ def path_command(
         from tripod_play.follow import servo_path  # noqa: PLC0415
         from tripod_play.path_file import read_path  # noqa: PLC0415
         from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
-        from tripod_sim.scene_file import naming_file  # noqa: PLC0415
+        from tripod_sim.scene.file import naming_file  # noqa: PLC0415
 
     shown = not quiet and sys.stderr.isatty()
     try:
@@ -105,7 +105,7 @@ def solve_command(
         from tripod_play.player import PlayerSettings  # noqa: PLC0415
         from tripod_play.solve import Eye, solve  # noqa: PLC0415
         from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
-        from tripod_sim.scene_file import naming_file  # noqa: PLC0415
+        from tripod_sim.scene.file import naming_file  # noqa: PLC0415
 
     words = [*([f"maze.source={maze}"] if maze else []), *overrides]
     try:

@@ -9,7 +9,7 @@ from tripod_bringup.run_command import BAD_ARGUMENTS
 
 def list_scenes(*, as_json: bool) -> None:
     """Print name and description of every shipped scene."""
-    from tripod_sim.scene_file import load_scene, scene_names  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.scene.file import load_scene, scene_names  # noqa: PLC0415 - not needed for the help
 
     listing = [(name, load_scene(name).description) for name in scene_names()]
     if as_json:
@@ -23,7 +23,7 @@ def list_scenes(*, as_json: bool) -> None:
 def print_scene(name: str, *, as_json: bool) -> int:
     """Print the file of a scene, or all of its values as JSON; return the exit code: 2 for no such scene."""
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.scene_file import load_scene, scene_text  # noqa: PLC0415
+    from tripod_sim.scene.file import load_scene, scene_text  # noqa: PLC0415
 
     try:
         print(json.dumps(asdict(load_scene(name))) if as_json else scene_text(name).rstrip("\n"))
@@ -50,9 +50,9 @@ def print_maze(source: str) -> int:
 
 def print_urdf(scene: str, overrides: list[str]) -> int:
     """Print the robot of a scene as URDF; return the exit code: 2 for a bad scene or one without a robot."""
-    from tripod_sim.description import urdf  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    from tripod_sim.scene.description import urdf  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415
 
     try:
         print(urdf(load_scene(scene, overrides)), end="")

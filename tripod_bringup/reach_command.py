@@ -35,7 +35,7 @@ def reach_command(
         from tripod_ik.model import StaticModel  # noqa: PLC0415
         from tripod_ik.reach import default_range, reach  # noqa: PLC0415
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+        from tripod_sim.scene.file import load_scene  # noqa: PLC0415
 
     try:
         for path in (out, plot):  # before the work, not after it

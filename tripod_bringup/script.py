@@ -21,8 +21,8 @@ def joint_path(
     if servo is None and slide is None:
         return None
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
-    from tripod_sim.script import script_of  # noqa: PLC0415
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415
+    from tripod_sim.scene.script import script_of  # noqa: PLC0415
 
     found = load_scene(scene, overrides)
     if servo is None:

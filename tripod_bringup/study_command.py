@@ -132,7 +132,7 @@ def next_command(scene: str, made: "Plan", changes: Changes, out: Path) -> list[
     `scene` is as the user named it. The accuracy is the first of `WISHES` that the study offers a setting for.
     """
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.scene_file import words_of  # noqa: PLC0415
+    from tripod_sim.scene.file import words_of  # noqa: PLC0415
     from tripod_study.accuracy.choice import choose  # noqa: PLC0415
 
     own = bool(made.studied)  # of a scene that no study comes with
@@ -161,7 +161,7 @@ def _chosen(
 ) -> tuple[list[str], list["Plan"]]:
     """Return the reports and the studies that are asked for. Raises SceneError."""
     from tripod_sim.errors import SceneError  # noqa: PLC0415
-    from tripod_sim.scene_file import scene_names  # noqa: PLC0415
+    from tripod_sim.scene.file import scene_names  # noqa: PLC0415
 
     if part not in PARTS:
         raise SceneError(f"--part is {part!r}; allowed: {', '.join(PARTS)}")
@@ -196,7 +196,7 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     """Return the study of any scene, with what the options change. Raises SceneError."""
     from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
-    from tripod_sim.scene_file import scene_names  # noqa: PLC0415
+    from tripod_sim.scene.file import scene_names  # noqa: PLC0415
 
     with loading("tripod study"):
         from tripod_study import any_scene  # noqa: PLC0415 - heavy

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rclpy.executors import Executor
 
     from tripod_bringup.script_player import ScriptPlayer
-    from tripod_sim.joints import Joints
+    from tripod_sim.tables.joints import Joints
 
 
 def up_command(
@@ -272,7 +272,7 @@ def add_overrides(values: dict[str, dict[str, object]], overrides: Sequence[str]
 
 def words_of_set(values: Mapping[str, Mapping[str, object]]) -> list[str]:
     """Return the overrides of the scene in the simulator's parameter `set`. Raises ValueError where it is not YAML."""
-    from tripod_sim.scene_file import override_words  # noqa: PLC0415 - pure and small
+    from tripod_sim.scene.file import override_words  # noqa: PLC0415 - pure and small
 
     text = values.get("sim", {}).get("set", "")
     if isinstance(text, RawYaml):
@@ -306,8 +306,8 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
 
 def servos_of(scene: str, overrides: Sequence[str]) -> "Joints | None":
     """Return the servos of a scene; None: it has none. Raises SceneError, which is a ValueError."""
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - pure and small
-    from tripod_sim.scene_short import joints_of  # noqa: PLC0415
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415 - pure and small
+    from tripod_sim.tables.short_forms import joints_of  # noqa: PLC0415
 
     return joints_of(load_scene(scene, overrides))
 
@@ -321,6 +321,6 @@ def angle_limits(joints: "Joints") -> dict[str, float]:
 
 def check_scene(scene: str, overrides: Sequence[str]) -> None:
     """Raise SceneError, which is a ValueError, unless `scene` can be loaded with `overrides`."""
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - pure and small
+    from tripod_sim.scene.file import load_scene  # noqa: PLC0415 - pure and small
 
     load_scene(scene, overrides)

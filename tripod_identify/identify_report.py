@@ -11,7 +11,7 @@ from tripod_identify.parameters import GAIN, ZERO
 from tripod_identify.pictures import curves
 from tripod_identify.score import Score
 from tripod_identify.score_report import HEAD, left_rows, spread_cells
-from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.scene.file import scene_to_toml
 
 FOUND_HEAD = ("value", "found", "90 % by noise", "mesh adds", "steps add", "without both", "90 %", "unit")
 

@@ -11,10 +11,10 @@ from tripod_identify.measured import Measured
 from tripod_identify.observe import Observer, Point, Sensor, plain_sensor, with_watched
 from tripod_sim.build import build
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
+from tripod_sim.steps.parts import Parts
 from tripod_sim.system import System
 
 TOLERANCE = 1e-7

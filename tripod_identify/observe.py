@@ -10,9 +10,9 @@ from tripod_host.rotations import rotation_matrix, rotation_vector
 from tripod_identify.csv_columns import EFFECTOR, Channel
 from tripod_identify.errors import DataError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import effector_of
 from tripod_sim.state import State
 from tripod_sim.tables.sets import Marker
+from tripod_sim.tables.short_forms import effector_of
 
 DISC = "effector"
 

@@ -17,8 +17,8 @@ from tripod_identify.errors import DataError
 from tripod_identify.model import MORE, Told
 from tripod_identify.observe import Sensor
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import effector_of
 from tripod_sim.tables.fields import allowed
+from tripod_sim.tables.short_forms import effector_of
 
 ZERO, GAIN, FRAME, MOUNT, START = "servos.zero", "servos.gain", "frame", "mount", "start"
 """Families that are no fields: arm angle = gain command + zero [rad]; pose of the world in the data [m, rad]; the point

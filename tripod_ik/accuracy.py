@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tripod_ik.tracker_settings import Goal
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_study.accuracy.choice import Choice, asked, chosen_from
 from tripod_study.accuracy.machine import product_time
 from tripod_study.accuracy.stored import StoredStudy, Value, read_study, stored_studies

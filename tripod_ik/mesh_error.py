@@ -47,8 +47,8 @@ class ModelMesh:
         """
         from tripod_sim.build import build_model  # noqa: PLC0415 - an effect that is absent
         from tripod_sim.integrators.report import MeshErrorReport  # noqa: PLC0415
-        from tripod_sim.lowering import lowered  # noqa: PLC0415
         from tripod_sim.mesh_error.estimate import MeshError  # noqa: PLC0415
+        from tripod_sim.scene.lowering import lowered  # noqa: PLC0415
 
         try:
             if not self._errors:

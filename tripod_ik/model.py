@@ -19,9 +19,9 @@ from tripod_ik.symmetry import Image, images
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
+from tripod_sim.tables.short_forms import joints_of
 
 Saved = tuple[tuple[State, FloatArray], LinearState | None, Image]
 """What `StaticModel.save` gives and `restore` takes."""

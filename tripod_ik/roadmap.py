@@ -24,8 +24,8 @@ from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, table
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
 from tripod_sim.softness import FIRM
+from tripod_sim.tables.short_forms import joints_of
 
 SPACING = 0.2
 """Distance of the grid [rad]: wide enough that all of it is looked at in seconds."""

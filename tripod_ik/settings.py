@@ -175,7 +175,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 def scene_of(values: Mapping[str, Any]) -> "Scene":
     """Return the scene of the own model; raise SceneError, which is a ValueError, where it cannot be loaded."""
-    from tripod_sim.scene_file import load_scene, override_words  # noqa: PLC0415 - tables of parameters need none
+    from tripod_sim.scene.file import load_scene, override_words  # noqa: PLC0415 - tables of parameters need none
 
     return load_scene(values["scene"], override_words(values["set"]))
 

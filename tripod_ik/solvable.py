@@ -1,7 +1,7 @@
 """Which scenes inverse kinematics can solve for. Pure."""
 
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.tables.short_forms import effector_of, joints_of
 
 
 def nothing_to_solve(scene: Scene) -> str:

@@ -26,8 +26,8 @@ from tripod_ik.tracker import Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
 from tripod_sim.tables.fields import other_unit
+from tripod_sim.tables.short_forms import joints_of
 
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""

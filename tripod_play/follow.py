@@ -18,7 +18,7 @@ from tripod_ik.tasks import PositionTask, Task, orientation_tasks
 from tripod_play.errors import PlayError
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.tables.short_forms import joints_of
 
 FINEST = 0.02
 """Largest change of the tilt between two solved points [rad]; longer stretches are divided."""

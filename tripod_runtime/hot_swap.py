@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from tripod_host.priority import stand_back
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_sim.simulation import Simulation
 
 PATIENCE = 0.5

@@ -8,7 +8,7 @@ from tripod_host.priority import stand_back
 from tripod_host.slow_machine import WHAT_TO_DO
 from tripod_runtime.realtime import Speed
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_study.accuracy.choice import changes, measured, percent, point_of, study_of, switched
 from tripod_study.accuracy.machine import product_time
 

@@ -51,11 +51,11 @@ from tripod_runtime.standard_services import StandardServices
 from tripod_runtime.transforms import Transforms
 from tripod_sim.effects import EFFECTS
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.joints import Joints
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, naming_file, override_words
-from tripod_sim.scene_short import effector_of
+from tripod_sim.scene.file import load_scene, naming_file, override_words
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.joints import Joints
+from tripod_sim.tables.short_forms import effector_of
 from tripod_study.summary.errors import effector_error, mesh_error
 from tripod_study.summary.stability import snap_words
 

@@ -15,7 +15,7 @@ from tripod_runtime import messages
 from tripod_runtime.markers import SceneMarkers
 from tripod_runtime.realtime import Snapshot
 from tripod_sim.maze.board_mesh import board_mesh
-from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.scene.file import scene_to_toml
 from tripod_sim.simulation import Simulation
 
 

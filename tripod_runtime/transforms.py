@@ -9,9 +9,9 @@ from tripod_graph.names import ROBOT_DESCRIPTION, TF, TF_STATIC, WORLD
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_runtime.messages import header, set_stamp
 from tripod_runtime.realtime import Snapshot
-from tripod_sim.description import BALL, BASE, EFFECTOR, PLATE, arm_frames, urdf
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.scene.description import BALL, BASE, EFFECTOR, PLATE, arm_frames, urdf
+from tripod_sim.tables.short_forms import joints_of
 
 
 class Transforms:

@@ -13,12 +13,12 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.kernel_cache import remove_stale_kernels
 
 if TYPE_CHECKING:
-    from tripod_sim.scene_file import load_scene, scene_names
+    from tripod_sim.scene.file import load_scene, scene_names
     from tripod_sim.simulation import Simulation
 
 __all__ = ["SceneError", "Simulation", "StepError", "load_scene", "scene_names"]
 
-_HOMES = {"Simulation": "simulation", "load_scene": "scene_file", "scene_names": "scene_file"}
+_HOMES = {"Simulation": "simulation", "load_scene": "scene", "scene_names": "scene"}
 
 remove_stale_kernels(Path(__file__).parent)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import IndexArray
 from tripod_sim.bodies.assembly import Assembly
+from tripod_sim.bodies.proportions import out_of_proportion
 from tripod_sim.bodies.soft_build import (
     assembled,
     elastic_terms,
@@ -21,17 +22,16 @@ from tripod_sim.constraints.held import Holding, free_motion, held_groups
 from tripod_sim.effect import Draft
 from tripod_sim.errors import Doubt, SceneError
 from tripod_sim.linear.choice import linear_factory
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
+from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, names_of
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.model import Model
-from tripod_sim.node_sets import NodeSets
-from tripod_sim.parts import Parts
-from tripod_sim.proportions import out_of_proportion
-from tripod_sim.scene import Scene
-from tripod_sim.solved_to import solved_to
-from tripod_sim.steppers import stepper_of
+from tripod_sim.scene.lowering import lowered
+from tripod_sim.scene.scene import Scene
+from tripod_sim.steps.parts import Parts
+from tripod_sim.steps.steppers import stepper_of
+from tripod_sim.steps.tolerance import solved_to
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 Parts = Any
-"""The `tripod_sim.parts.Parts` of a simulation, which name all of physics."""
+"""The `tripod_sim.steps.parts.Parts` of a simulation, which name all of physics."""
 
 
 @dataclass(eq=False)
@@ -59,7 +59,7 @@ class Draft:
         bound: Of the stretch of springs; None without one.
         plate, ball: The maze on the disc, and how its ball moves; None without.
         notes: What users should know of it, one sentence each.
-        watches: See `tripod_sim.parts.Parts`.
+        watches: See `tripod_sim.steps.parts.Parts`.
     """
 
     model: Model

@@ -10,9 +10,9 @@ from typing import Any
 
 from tripod_sim.errors import Doubt
 from tripod_sim.integrators.scheme import ImplicitScheme, Scheme
-from tripod_sim.joints import Joints
 from tripod_sim.tables.bodies import Body, Obstacle, Rigid, Tie
 from tripod_sim.tables.contact import Contact
+from tripod_sim.tables.joints import Joints
 from tripod_sim.tables.maze import Ball
 from tripod_sim.tables.method import Solver, TimeError
 from tripod_sim.tables.robot import Effector, Platform
@@ -29,8 +29,8 @@ class ErrorEstimate(Enum):
     """How the error of the time steps is estimated."""
 
     CARRIED = "carried"  # the scheme carries it along: integrators.time_error
-    OVER_PATH = "over path"  # over the path of each point: integrators.path_error_control
-    HALF_STEPS = "half steps"  # against steps of half the length: integrators.doubling
+    OVER_PATH = "over path"  # over the path of each point: steps.path_error_control
+    HALF_STEPS = "half steps"  # against steps of half the length: steps.doubling
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,15 +19,15 @@ from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import Doubt, SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stepper import integrator_of
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.parts import Parts
-from tripod_sim.scene import Scene
+from tripod_sim.scene.lowering import lowered
+from tripod_sim.scene.scene import Scene
+from tripod_sim.scene.unread import unread
 from tripod_sim.state import State
+from tripod_sim.steps.parts import Parts
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
-from tripod_sim.unread import unread
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.contact_solver import ContactSolver

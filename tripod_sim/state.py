@@ -143,7 +143,7 @@ class ErrorState(Copied):
 
 @dataclass(eq=False)
 class TwinState(Copied):
-    """What the estimate of `integrators.doubling` remembers from step to step.
+    """What the estimate of `steps.doubling` remembers from step to step.
 
     Attributes:
         twin: Where the twin is.
@@ -158,7 +158,7 @@ class TwinState(Copied):
 
 @dataclass(eq=False)
 class WayState(Copied):
-    """What `integrators.path_error_control` remembers. Points are what is shown, then the effector's nodes.
+    """What `steps.path_error_control` remembers. Points are what is shown, then the effector's nodes.
 
     Attributes:
         origin: Where points began [m], shape (n, 3).

@@ -17,10 +17,10 @@ from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import SCHEMES, bdf2, implicit_euler, tr_bdf2
 from tripod_sim.mesh.described import element_of
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, value_of
-from tripod_sim.scene_short import contact_of, effector_of, joints_of
-from tripod_sim.script import script_of
+from tripod_sim.scene.file import load_scene, value_of
+from tripod_sim.scene.script import script_of
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.short_forms import contact_of, effector_of, joints_of
 from tripod_study import watch
 from tripod_study.accuracy.studied import studied
 from tripod_study.motion import scene_of

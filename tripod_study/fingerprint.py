@@ -12,7 +12,7 @@ import tripod_study
 SUFFIXES = (".py", ".toml", ".obj", ".txt")
 """Of code, scenes, meshes and mazes."""
 
-CARRYING = ("description.py", "script.py", "timeline.py")
+CARRYING = ("scene/description.py", "scene/script.py", "tables/timeline.py")
 """Files of tripod_sim that describe a simulation or read its motion."""
 
 SHOWN = re.compile(rb"\n(#[^\n]*\n)*\[motion\]\n.*?(?=\n(#[^\n]*\n)*\[|\Z)", re.DOTALL)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, words_of
+from tripod_sim.scene.file import load_scene, words_of
 from tripod_sim.simulation import Simulation
 from tripod_study.plan import Settings
 from tripod_study.task import Measured, repeated

@@ -32,7 +32,7 @@ import numpy as np
 
 from tripod_host.writing import check_place, replaced
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.scene.file import scene_to_toml
 from tripod_sim.simulation import Pose, Simulation
 
 MOST_BYTES = 4e9
@@ -192,7 +192,7 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         "bodies": np.array(simulation.bodies, dtype=np.int64),
     }
     if simulation.joints:
-        from tripod_sim.description import standing  # noqa: PLC0415 - only with servos
+        from tripod_sim.scene.description import standing  # noqa: PLC0415 - only with servos
 
         rows = [standing(arm).values() for arm in simulation.joints.arms]
         found["arms"] = np.array([np.hstack(list(row)) for row in rows])

@@ -14,10 +14,10 @@ from tripod_host import stop
 from tripod_sim.effects import named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, naming_file
-from tripod_sim.scene_short import contact_of, soft_bodies
-from tripod_sim.script import Script, script_of
+from tripod_sim.scene.file import load_scene, naming_file
+from tripod_sim.scene.script import Script, script_of
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.short_forms import contact_of, soft_bodies
 from tripod_study.recording import Recording, check_out
 from tripod_study.summary.accuracy import accuracy_summary, finer
 from tripod_study.summary.energy import EnergyBooks

@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import joints_of, posed
 from tripod_sim.simulation import Simulation, joint_values
+from tripod_sim.tables.short_forms import joints_of, posed
 
 ORDER = 1
 """p."""

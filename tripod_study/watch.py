@@ -19,9 +19,9 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
-from tripod_sim.script import script_of
+from tripod_sim.scene.script import script_of
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.short_forms import joints_of
 from tripod_study.motion import Watch, motion, scene_of
 from tripod_study.plan import Observed, Settings, Value
 from tripod_study.task import Measured

@@ -18,7 +18,7 @@ from tripod_bringup.command_groups import GROUPS, RENAMED
 from tripod_bringup.node_command import NODES, name_new_form, split_settings
 from tripod_bringup.node_values import ValueSyntaxError
 from tripod_bringup.options import recording, within
-from tripod_sim.scene_file import field_names
+from tripod_sim.scene.file import field_names
 
 ROOT = Path(__file__).parents[2]
 TRIPOD: Any = get_command(cli.app)

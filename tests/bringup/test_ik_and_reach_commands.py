@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from tests.messages import assert_names, line_naming
 from tripod_bringup import cli, ik_command
-from tripod_sim import scene_file
+from tripod_sim.scene import file as scene_file
 
 COARSE = ["--set", "mesh.level=1"]
 

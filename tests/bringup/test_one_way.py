@@ -16,7 +16,7 @@ from tripod_bringup.node_values import RawYaml
 from tripod_bringup.script import joint_path
 from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
 from tripod_sim import load_scene, scene_names
-from tripod_sim.scene_file import field_names
+from tripod_sim.scene.file import field_names
 
 
 def tripod(*words: str) -> Result:

@@ -17,7 +17,7 @@ from typer.testing import CliRunner, Result
 from tests.messages import assert_names, line_naming, raises_naming
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene, scene_names
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.tables.short_forms import effector_of, joints_of
 from tripod_study.recording import Recording
 from tripod_view.player.html import write_html
 from tripod_view.player.of_run import MOVING, SILICONE, film_of

@@ -21,7 +21,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.maze.board import read_maze
 from tripod_sim.mesh.read import read_solid
 from tripod_sim.mesh.read_surface import read_surface
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_study.accuracy.stored import read_study
 
 READERS = {

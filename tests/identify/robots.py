@@ -10,7 +10,7 @@ from tripod_identify.measured import Measured
 from tripod_identify.model import Told, predict
 from tripod_sim import load_scene
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import scene_from_toml
+from tripod_sim.scene.file import scene_from_toml
 
 BEAM = """
 name = "beam"

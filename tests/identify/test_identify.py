@@ -20,7 +20,7 @@ from tripod_identify.observe import Sensor
 from tripod_identify.parameters import parameters, told
 from tripod_identify.problem import Problem
 from tripod_sim import load_scene
-from tripod_sim.scene_file import scene_from_toml
+from tripod_sim.scene.file import scene_from_toml
 from tripod_sim.tables.sets import Load, NodeSet
 
 TIP = tuple(Channel("tip", axis) for axis in range(3))

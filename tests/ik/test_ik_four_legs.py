@@ -14,7 +14,7 @@ from tripod_ik.model import StaticModel, linear_state
 from tripod_ik.solve_once import solve_once
 from tripod_ik.tasks import PositionTask
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.description import urdf
+from tripod_sim.scene.description import urdf
 from tripod_study.run import run
 
 CROSS = ("cross", ("mesh.level=1",))

@@ -13,7 +13,7 @@ from tripod_graph import names
 from tripod_ik.solve_once import solve_once
 from tripod_sim import load_scene
 from tripod_sim.mesh_error.chord import NEAR
-from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.scene.file import scene_to_toml
 
 pytestmark = pytest.mark.ros
 

@@ -15,9 +15,9 @@ from tripod_record.writer import BagWriter
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_runtime.realtime import RealTime, Snapshot
 from tripod_runtime.resimulation import Ended
-from tripod_sim.scene_file import load_scene, scene_to_toml
-from tripod_sim.scene_short import joints_of
+from tripod_sim.scene.file import load_scene, scene_to_toml
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.short_forms import joints_of
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 BODY_STATE = """std_msgs/Header header

@@ -14,7 +14,7 @@ from tripod_record.bag import Bag
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
 from tripod_runtime.resimulation import Body, Commands, Ended, Outcome, Resimulation, Saved
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_file import load_scene, scene_names
+from tripod_sim.scene.file import load_scene, scene_names
 from tripod_sim.simulation import Simulation
 
 SESSIONS = [(name, ()) for name in scene_names()] + [

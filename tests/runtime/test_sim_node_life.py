@@ -28,7 +28,7 @@ from tripod_graph.qos import RELIABLE
 from tripod_runtime.node import _within_scene
 from tripod_sim import SceneError, StepError, load_scene
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.tables.short_forms import joints_of
 
 pytestmark = pytest.mark.ros
 

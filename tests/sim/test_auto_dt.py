@@ -11,7 +11,7 @@ from tripod_sim.integrators import newton
 from tripod_sim.integrators.added_error_control import AddedErrorControl
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.substeps import Substeps
-from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.scene.file import scene_to_toml
 from tripod_study.run import run
 
 SCHEMES = IMPLICIT

@@ -10,7 +10,7 @@ from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.integrators import newton
 from tripod_sim.integrators.added_error_control import AddedErrorControl
-from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.scene.file import scene_to_toml
 
 NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8", "mesh.level=1")
 

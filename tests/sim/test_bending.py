@@ -15,10 +15,10 @@ from tests.sim.beams import bar_scene, beam, sag
 from tests.tiers import sampled
 from tripod_bringup.cli import app
 from tripod_sim import Simulation, load_scene
-from tripod_sim.mesh import bending as examined
-from tripod_sim.mesh.bending import Bending, bending
+from tripod_sim.bodies import bending as examined
+from tripod_sim.bodies.bending import Bending, bending
+from tripod_sim.bodies.suited import suited
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.mesh.suited import suited
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 
 TILT = math.radians(31)

@@ -10,7 +10,7 @@ from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.stepper import integrator_of
-from tripod_sim.scene_file import scene_from_toml, scene_to_toml
+from tripod_sim.scene.file import scene_from_toml, scene_to_toml
 from tripod_sim.tables.bodies import Tie
 
 STATIC = ("inertia=off", "damping=off", "gravity=off")

@@ -10,7 +10,7 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.contact.rest import curvature
 from tripod_sim.contact.rest_rows import Carried, Points, Rest
 from tripod_sim.forces.gravity import GravityForce
-from tripod_sim.integrators.sleep import Sleeping
+from tripod_sim.steps.sleep import Sleeping
 from tripod_sim.system import System
 
 FLOATS = np.ndarray

@@ -13,14 +13,14 @@ from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.soft_build import assembled
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.group_kernels import add_residual
-from tripod_sim.contact.solid_build import surfaces
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.integrators.scheme import euler_stage
 from tripod_sim.integrators.stepper import integrator_of
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.surfaces import Part
+from tripod_sim.scene.lowering import lowered
+from tripod_sim.steps.contact import surfaces
 
 G, WEIGHT = 9.81, 0.032 * 9.81
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.description import BASE, arm_frames, urdf
-from tripod_sim.scene_short import joints_of
+from tripod_sim.scene.description import BASE, arm_frames, urdf
+from tripod_sim.tables.short_forms import joints_of
 
 
 def rotation(q: np.ndarray) -> np.ndarray:

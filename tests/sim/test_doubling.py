@@ -166,6 +166,6 @@ def test_absent_it_is_not_imported() -> None:
     code = (
         "import sys; from tripod_sim import Simulation, load_scene;"
         "s = Simulation(load_scene('pendulum', ['inertia.scheme=bdf2', 'time_error={}'])); s.step();"
-        "assert s.state.twin is None; assert 'tripod_sim.integrators.doubling' not in sys.modules"
+        "assert s.state.twin is None; assert 'tripod_sim.steps.doubling' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -6,9 +6,9 @@ import pytest
 from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.soft_build import assembled, element_masses, masses, sets_of
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.scene import Scene
+from tripod_sim.scene.lowering import lowered
 
 QUADRATIC = ("h20", "h20_full", "h27", "t10")
 CORNERS = [[0, 0, 0], [0.3, 0, 0], [0.3, 0.02, 0], [0, 0.02, 0], *([x, y, 0.01] for x, y in

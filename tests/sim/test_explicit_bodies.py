@@ -8,7 +8,7 @@ from numba import typeof
 from tripod_sim import Simulation, load_scene
 from tripod_sim.forces.spring_force import SpringForce, write_networks
 from tripod_sim.integrators.explicit import ExplicitSteps
-from tripod_sim.scene_file import scene_from_toml, scene_to_toml
+from tripod_sim.scene.file import scene_from_toml, scene_to_toml
 from tripod_sim.system import System
 
 CABLE = ["damping={mass=5.0, stiffness=1e-5}", "body.1.springs.damping=0.02"]

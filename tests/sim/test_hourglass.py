@@ -11,6 +11,7 @@ from benchmarks.blocks import brick, elastic
 from tests.messages import assert_names
 from tests.sim.beams import LENGTH, bar_scene, beam, sag
 from tripod_sim import Simulation, load_scene
+from tripod_sim.bodies.suited import suited
 from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.linear.ldl import Ldl
@@ -18,7 +19,6 @@ from tripod_sim.mesh import hourglass
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.mesh.suited import suited
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 
 

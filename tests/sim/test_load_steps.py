@@ -9,7 +9,7 @@ from tripod_sim.build import build
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.linear.solver import LinearError
-from tripod_sim.lowering import lowered
+from tripod_sim.scene.lowering import lowered
 from tripod_sim.state import State
 from tripod_sim.system import System
 

@@ -10,13 +10,13 @@ from tests.messages import assert_names
 from tests.scenes import SHARP
 from tripod_sim import SceneError, load_scene
 from tripod_sim.bodies.soft_build import assembled
-from tripod_sim.contact.solid_build import placed_bodies
 from tripod_sim.effects.inertia import Inertia
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.model import ErrorEstimate
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import scene_names
+from tripod_sim.scene.file import scene_names
+from tripod_sim.scene.lowering import lowered
+from tripod_sim.steps.contact import placed_bodies
 from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Rigid, Tie
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.sets import NodeSet

@@ -20,7 +20,7 @@ from tripod_sim.mesh.solid_mesh import SolidMesh, check_boundary, check_held, ch
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import scene_from_toml
+from tripod_sim.scene.file import scene_from_toml
 from tripod_sim.tables.bodies import Material
 from tripod_sim.tables.bodies import Mesh as SceneMesh
 from tripod_sim.tables.contact import Contact

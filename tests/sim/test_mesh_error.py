@@ -10,13 +10,13 @@ from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects.inertia import Inertia
 from tripod_sim.effects.strain_limit import StrainLimit
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.lowering import lowered
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh_error import estimate
 from tripod_sim.mesh_error.estimate import finer, richer
 from tripod_sim.mesh_error.outside import Outside, alone, interpolation
 from tripod_sim.mesh_error.support import Support
+from tripod_sim.scene.lowering import lowered
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.sets import Fixed, Load

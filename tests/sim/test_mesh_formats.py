@@ -15,7 +15,7 @@ from tripod_sim.mesh.described import described_mesh, element_of
 from tripod_sim.mesh.file_format import format_of
 from tripod_sim.mesh.read import read_solid
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_sim.tables.bodies import Mesh
 
 TETRAHEDRA = block("t4", (1, 1, 1))

@@ -21,7 +21,7 @@ from tripod_sim.mesh.gid import read_gid
 from tripod_sim.mesh.read import read_solid
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 
 CELLS = {"tetra": "t4", "tetra10": "t10", "hexahedron": "h8", "hexahedron20": "h20", "hexahedron27": "h27"}
 

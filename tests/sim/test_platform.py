@@ -13,7 +13,7 @@ from tests.messages import raises_naming
 from tripod_host.rotations import rotation_vector
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_file import scene_from_toml, scene_to_toml
+from tripod_sim.scene.file import scene_from_toml, scene_to_toml
 from tripod_sim.simulation import UNSTABLE_START
 from tripod_study.run import run
 

@@ -6,7 +6,7 @@ from tests.messages import assert_names, names
 from tests.tiers import sampled
 from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.errors import Doubt
-from tripod_sim.scene_file import scene_from_toml, scene_names
+from tripod_sim.scene.file import scene_from_toml, scene_names
 
 BAR = """
 name = "bar"

@@ -10,7 +10,7 @@ import pytest
 from tests.messages import raises_naming
 from tripod_sim import Simulation
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 
 SIDE = 0.01
 """Edge of the three cubes that stand in a row along x [m]."""

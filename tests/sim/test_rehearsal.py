@@ -9,7 +9,7 @@ PROGRAM = """
 import gc, sys
 import numpy as np
 from numba.core.registry import CPUDispatcher
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_sim.simulation import Simulation
 
 def compiled():

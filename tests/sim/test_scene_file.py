@@ -30,14 +30,14 @@ from tripod_sim.materials.laws import NAMES as LAWS
 from tripod_sim.maze.board import read_maze
 from tripod_sim.maze.grid import maze_to_text
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import MAX_BYTES, scene_from_toml, scene_text, scene_to_toml
-from tripod_sim.scene_lines import line_of
+from tripod_sim.scene.file import MAX_BYTES, scene_from_toml, scene_text, scene_to_toml
+from tripod_sim.scene.lines import line_of
+from tripod_sim.scene.unread import unread
 from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import Fixed, Load, Marker, NodeSet
-from tripod_sim.unread import unread
 
 EMIO, BEAM = (
     str(Path(__file__).parents[2] / "examples" / f"{name}.toml") for name in ("emio", "silicone_beam")

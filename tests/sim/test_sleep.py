@@ -248,6 +248,6 @@ def test_sleep_that_makes_no_sense_is_refused_and_absent_sleep_is_not_imported()
     code = (
         "import sys; from tripod_sim import Simulation, load_scene;"
         "Simulation(load_scene('cloth', ['springs.nodes=4'])).step();"
-        "assert 'tripod_sim.integrators.sleep' not in sys.modules"
+        "assert 'tripod_sim.steps.sleep' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

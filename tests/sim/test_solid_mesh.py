@@ -21,7 +21,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.mesh import read
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
 from tripod_sim.mesh.y_piece import LEVELS, YLevel, YShape, y_piece
-from tripod_sim.scene_file import load_scene, scene_to_toml
+from tripod_sim.scene.file import load_scene, scene_to_toml
 from tripod_sim.tables.bodies import Mesh
 
 BRICK = np.array(

@@ -7,8 +7,8 @@ from tests.checks import assert_derivative, assert_gradient, assert_symmetric, r
 from tests.messages import raises_naming
 from tests.sim.springs import add_whole_gradient, force_of, hessian
 from tripod_sim.errors import SceneError
+from tripod_sim.forces.spring_kernels import add_forces, add_gradient, add_products, links_of, tangents
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_kernels import add_forces, add_gradient, add_products, links_of, tangents
 
 
 def random_body(rng: np.random.Generator, *, slack: bool = False, fixed: tuple[int, ...] = ()) -> SpringBody:

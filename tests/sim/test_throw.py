@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.script import script_of
+from tripod_sim.scene.script import script_of
 
 G, MASS = 9.81, 0.002  # [m/s²], [kg]
 RADIUS, GAP, HALF = (

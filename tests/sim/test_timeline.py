@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.messages import assert_names, raises_naming
-from tripod_sim import timeline
 from tripod_sim.errors import SceneError
-from tripod_sim.timeline import Timeline, parse_slide, parse_timeline
+from tripod_sim.tables import timeline
+from tripod_sim.tables.timeline import Timeline, parse_slide, parse_timeline
 
 
 def refusal(text: str, width: int = 3) -> str:

@@ -6,7 +6,7 @@ import pytest
 from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.tables.short_forms import joints_of
 
 STEPS = 60
 TWO = ("body.0.mesh.level=1", "body.1.mesh.level=1", "solver.mode=newton", "solver.tolerance=1e-11")

@@ -16,10 +16,10 @@ from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
 from tripod_sim.errors import UnsolvedError
 from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
-from tripod_sim.integrators.path_error_control import PathErrorControl, after_hit
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.state import State
+from tripod_sim.steps.path_error_control import PathErrorControl, after_hit
 
 BOXES = (
     *("rigid.0.position=[0, 0, 0.055]", "rigid.1.position=[0.004, 0.002, 0.165]"),

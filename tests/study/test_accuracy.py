@@ -15,7 +15,7 @@ from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_bringup.study_plans import plan
 from tripod_sim import SceneError, load_scene
-from tripod_sim.scene_file import scene_text
+from tripod_sim.scene.file import scene_text
 from tripod_study.accuracy.choice import (
     LOAD,
     asked,

@@ -17,7 +17,7 @@ from tripod_bringup.cli import app
 from tripod_bringup.explain_command import show
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects import EFFECTS
-from tripod_sim.scene_file import scene_names
+from tripod_sim.scene.file import scene_names
 from tripod_study.explain import sampling
 from tripod_study.explain.costs import Cost, cost, from_itself, switched_on
 from tripod_study.explain.memory import Size, memory, size

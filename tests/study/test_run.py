@@ -15,8 +15,8 @@ import pytest
 from tests.messages import assert_names, raises_naming
 from tests.tiers import sampled
 from tripod_sim import SceneError, Simulation, StepError, load_scene, scene_names
-from tripod_sim.scene_file import scene_text
-from tripod_sim.scene_short import effector_of, joints_of, rigids_of, soft_bodies
+from tripod_sim.scene.file import scene_text
+from tripod_sim.tables.short_forms import effector_of, joints_of, rigids_of, soft_bodies
 from tripod_study import recording
 from tripod_study import run as run_module
 from tripod_study.run import run

@@ -8,7 +8,7 @@ import pytest
 
 from tests.messages import assert_names, names, raises_naming
 from tripod_sim import SceneError, load_scene
-from tripod_sim.scene_file import scene_text
+from tripod_sim.scene.file import scene_text
 from tripod_study import any_scene
 from tripod_study.accuracy.choice import choose
 from tripod_study.accuracy.studied import studied

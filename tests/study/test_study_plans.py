@@ -15,8 +15,8 @@ from tripod_bringup.study_run import whole
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
-from tripod_sim.scene_short import joints_of
-from tripod_sim.script import script_of
+from tripod_sim.scene.script import script_of
+from tripod_sim.tables.short_forms import joints_of
 from tripod_study import first_bounce, task, watch
 from tripod_study.advice import advice
 from tripod_study.motion import scene_of

@@ -12,7 +12,7 @@ from tripod_bringup.cli import app
 from tripod_bringup.node_command import NODES, parameter_table
 from tripod_sim import SceneError, load_scene
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import field_names
+from tripod_sim.scene.file import field_names
 from tripod_sim.tables.kinds import hints_of
 
 ROOT = Path(__file__).parents[2]

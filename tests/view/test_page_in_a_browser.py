@@ -31,7 +31,7 @@ from tripod_graph import names
 from tripod_graph.diagnostic_keys import Recording
 from tripod_graph.diagnostics import Level, status_message
 from tripod_graph.qos import RELIABLE
-from tripod_sim.scene_file import scene_names
+from tripod_sim.scene.file import scene_names
 from tripod_study.accuracy.choice import percent
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")

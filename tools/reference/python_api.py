@@ -26,8 +26,7 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
         "Describe a scene, step it, read what it does.",
         {
             "tripod_sim": ("load_scene", "scene_names", "Simulation", "SceneError", "StepError"),
-            "tripod_sim.scene": ("Scene",),
-            "tripod_sim.scene_file": ("scene_from_toml", "scene_to_toml"),
+            "tripod_sim.scene": ("Scene", "scene_from_toml", "scene_to_toml"),
             "tripod_sim.simulation": ("Pose", "Energies"),
             "tripod_sim.state": ("State",),
             "tripod_sim.integrators.report": ("StepReport",),

@@ -30,12 +30,12 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.integrators.substeps import Substeps
-from tripod_sim.node_sets import NodeSets
+from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Hold, Platform
-from tripod_sim.timeline import Timeline
+from tripod_sim.tables.timeline import Timeline
 
 Progress = Callable[[float], None]
 

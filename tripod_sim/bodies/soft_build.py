@@ -8,15 +8,15 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly, AssemblySkin, SoftBody
+from tripod_sim.bodies.suited import mass_note, suited, width_note
 from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.elements.element import row_sums
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
+from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.mesh.solid_mesh import SolidMesh, block_volumes, by_block, names_of, solid_volumes
-from tripod_sim.mesh.suited import mass_note, suited, width_note
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.model import Model
-from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.bodies import HOME, Body, Material, Mesh, Region
 from tripod_sim.tables.materials import parameters_of
 

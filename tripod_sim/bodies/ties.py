@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 from tripod_host.arrays import IndexArray
 from tripod_sim.bodies.assembly import Assembly, SoftBody
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts
-from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.bodies import Tie
 
 

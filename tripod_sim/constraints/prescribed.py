@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_matrix
-from tripod_sim.timeline import Timeline
+from tripod_sim.tables.timeline import Timeline
 
 
 @dataclass(frozen=True, eq=False)

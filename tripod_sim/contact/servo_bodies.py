@@ -13,10 +13,10 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.solid_nodes import HELD
 from tripod_sim.integrators.scheme import Stage
-from tripod_sim.joints import Joints
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.shapes.box import box
 from tripod_sim.state import State
+from tripod_sim.tables.joints import Joints
 
 SIZE = (0.0118, 0.0225, 0.0227)
 """Width, length along the axis, and height of the body of an SG90 [m]; its axis lies in the middle of its top."""

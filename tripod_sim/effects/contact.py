@@ -9,8 +9,8 @@ from tripod_sim.effect import Described, Draft, Effect, Parts
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.schemes import IMPLICIT
 from tripod_sim.model import Model
-from tripod_sim.scene_short import contact_of, rigids_of, soft_bodies
 from tripod_sim.tables.contact import Contact
+from tripod_sim.tables.short_forms import contact_of, rigids_of, soft_bodies
 
 
 def check(contact: Contact, scene: Described) -> None:
@@ -49,7 +49,7 @@ def lower(contact: Contact, scene: Described, model: Model) -> Model:
 
 def place(contact: Contact, draft: Draft) -> None:
     """Put bodies where they pass through nothing."""
-    from tripod_sim.contact.solid_build import placed_bodies
+    from tripod_sim.steps.contact import placed_bodies
 
     fixed = [body.nodes[body.net.fixed] for body in draft.assembly.bodies if body.net]
     held = np.concatenate(
@@ -69,7 +69,7 @@ def act(contact: Contact, draft: Draft) -> None:
 
 def step(contact: Contact, draft: Draft, system: Any) -> Parts:
     """Let contact make the steps."""
-    from tripod_sim.contact.solid_build import solid_parts
+    from tripod_sim.steps.contact import solid_parts
 
     return solid_parts(draft, system, contact)
 

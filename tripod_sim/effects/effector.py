@@ -2,8 +2,8 @@
 
 from tripod_sim.constraints.held import Holding
 from tripod_sim.effect import Draft, Effect
-from tripod_sim.scene_short import discs_of
 from tripod_sim.tables.robot import Effector
+from tripod_sim.tables.short_forms import discs_of
 
 
 def hold(effector: Effector, draft: Draft) -> None:

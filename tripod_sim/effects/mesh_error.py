@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from tripod_sim.effect import Described, Effect, Need
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import discs_of, soft_bodies
 from tripod_sim.tables.fields import number
 from tripod_sim.tables.materials import initial_young
+from tripod_sim.tables.short_forms import discs_of, soft_bodies
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from tripod_sim.effect import Described, Effect
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.scene_short import contact_of
 from tripod_sim.tables.bodies import SHAPES, Obstacle, Rigid
 from tripod_sim.tables.fields import check_unit
+from tripod_sim.tables.short_forms import contact_of
 
 
 def check_source(table: Rigid | Obstacle, field: str) -> None:

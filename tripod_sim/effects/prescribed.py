@@ -9,7 +9,7 @@ from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.fields import check_axes, number
 from tripod_sim.tables.sets import Vector
-from tripod_sim.timeline import parse_timeline
+from tripod_sim.tables.timeline import parse_timeline
 
 
 @dataclass(frozen=True)

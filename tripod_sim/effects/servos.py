@@ -5,9 +5,9 @@ from operator import ge
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import servo_tables, soft_bodies
 from tripod_sim.tables.fields import other_unit
 from tripod_sim.tables.robot import Servos
+from tripod_sim.tables.short_forms import servo_tables, soft_bodies
 
 
 def check(servos: Servos, scene: Described) -> None:

@@ -23,7 +23,7 @@ class Sleep:
 
 def finish(table: Sleep, model: Model, parts: Parts, build: Callable[[Model], Parts]) -> Parts:
     """Take steps only while something moves."""
-    from tripod_sim.integrators.sleep import Sleeping
+    from tripod_sim.steps.sleep import Sleeping
 
     stepper = Sleeping(
         parts.stepper, parts.system, parts.mass, speed=table.speed, time=table.time, rigid=parts.rigid
@@ -37,8 +37,8 @@ EFFECT = Effect(
     rigid=True,
     rest=False,
     needs=(Need("inertia", "without velocity every step is at rest; add [inertia], or leave sleep out"),),
-    modules=("integrators.sleep",),
-    stages={"integrators.sleep.Sleeping": {"step": "sleep"}},
+    modules=("steps.sleep",),
+    stages={"steps.sleep.Sleeping": {"step": "sleep"}},
     steps=("sleep",),
     finish=finish,
 )

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.model import Model
-from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.fields import number
+from tripod_sim.tables.short_forms import soft_bodies
 
 
 @dataclass(frozen=True)

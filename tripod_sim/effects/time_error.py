@@ -8,18 +8,18 @@ from tripod_sim.errors import SceneError
 from tripod_sim.integrators.scheme import Scheme
 from tripod_sim.integrators.schemes import auto
 from tripod_sim.model import ErrorEstimate, Model
-from tripod_sim.scene_short import contact_of, rigids_of, servo_tables, soft_bodies
 from tripod_sim.tables.method import TimeError
+from tripod_sim.tables.short_forms import contact_of, rigids_of, servo_tables, soft_bodies
 
 
 def halves(scene: Described) -> bool:
-    """Return whether steps of half the length tell the error of the time steps (see `integrators.doubling`)."""
+    """Return whether steps of half the length tell the error of the time steps (see `steps.doubling`)."""
     carried = scene.inertia is None or scene.inertia.integrator.has_error_estimate
     return not carried or contact_of(scene) is not None or scene.strain_limit is not None
 
 
 def by_path(scene: Described) -> bool:
-    """Return whether steps are chosen by what they err over their path (see `integrators.path_error_control`)."""
+    """Return whether steps are chosen by what they err over their path (see `steps.path_error_control`)."""
     wanted = scene.time_error
     return bool(
         wanted and scene.inertia and wanted.steps == "auto" and (wanted.accuracy > 0 or halves(scene))
@@ -129,7 +129,7 @@ def finish(wanted: TimeError, model: Model, parts: Parts, build: Callable[[Model
 
     assert model.scheme
     if model.estimate is ErrorEstimate.OVER_PATH:
-        from tripod_sim.integrators.path_error_control import PathErrorControl
+        from tripod_sim.steps.path_error_control import PathErrorControl
 
         distance = model.contact.contact_distance if model.contact else 0.0
         nets = [body.springs is not None for _, body in model.bodies]
@@ -137,7 +137,7 @@ def finish(wanted: TimeError, model: Model, parts: Parts, build: Callable[[Model
         return replace(parts, stepper=Substeps(control.integrator, control), chosen=control)
     if parts.errors:
         return parts
-    from tripod_sim.integrators.doubling import Doubling
+    from tripod_sim.steps.doubling import Doubling
 
     twin = build(replace(model, dt=0.5 * model.dt, time_error=None, estimate=None))
     doubling = Doubling(parts, twin, 1 if model.jumps else model.scheme.order)
@@ -157,10 +157,10 @@ EFFECT = Effect(
         "integrators.time_error",
         "integrators.time_error_kernels",
         "integrators.added_error_control",
-        "integrators.doubling",
+        "steps.doubling",
         "integrators.factor_store",
         "integrators.way_kernels",
-        "integrators.path_error_control",
+        "steps.path_error_control",
         "springs.automatic",
         "springs.automatic_kernels",
     ),
@@ -171,7 +171,7 @@ EFFECT = Effect(
             "would_add": TIME_ERROR,
             "report": TIME_ERROR,
         },
-        "integrators.doubling.Doubling": {"advance": TIME_ERROR},
+        "steps.doubling.Doubling": {"advance": TIME_ERROR},
     },
     steps=(TIME_ERROR,),
     lower=lower,

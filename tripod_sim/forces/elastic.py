@@ -11,7 +11,7 @@ from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products
 
 if TYPE_CHECKING:  # only with springs
-    from tripod_sim.springs.spring_kernels import Links
+    from tripod_sim.forces.spring_kernels import Links
 
 Matrices = Sequence[FloatArray]
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.mesh.solid_mesh import Faces, SolidMesh
-from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.sets import Load
 
 

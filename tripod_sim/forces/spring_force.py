@@ -8,7 +8,7 @@ from numba import njit
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.solid_kernels import add_element_products
-from tripod_sim.springs.spring_kernels import (
+from tripod_sim.forces.spring_kernels import (
     Links,
     add_damper_gradient,
     add_gradient,

@@ -14,8 +14,8 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.spring_force import SpringTangents
+from tripod_sim.forces.spring_kernels import add_gradient, lengths, links_of
 from tripod_sim.forces.term import StageTerm
-from tripod_sim.springs.spring_kernels import add_gradient, lengths, links_of
 
 MARGIN = 1e-5
 """l_b is that share below the longest length, so that what is left of the error ends below it."""

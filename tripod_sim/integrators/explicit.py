@@ -28,6 +28,7 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
+from tripod_sim.forces.spring_kernels import Links, nets_of
 from tripod_sim.forces.term import ForceTerm, LinearTerm, Term
 from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Solids
@@ -36,7 +37,6 @@ from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import IMPLICIT
 from tripod_sim.integrators.stability import longest_part, remedy
-from tripod_sim.springs.spring_kernels import Links, nets_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 

@@ -10,8 +10,8 @@ from tripod_sim.array_kernels import put
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import ELASTIC, solid_gradient, update_modes
+from tripod_sim.forces.spring_kernels import Links, add_forces
 from tripod_sim.forces.term_kernels import add_couplings
-from tripod_sim.springs.spring_kernels import Links, add_forces
 
 BALANCED = 1e-6
 """Unbalanced force of incompatible modes, as a share of the nodes', at which they are in equilibrium: the condensed

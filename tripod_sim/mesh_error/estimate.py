@@ -40,8 +40,8 @@ from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
 from tripod_sim.mesh_error.outside import Outside, alone, interpolate, interpolation
 from tripod_sim.mesh_error.swing import Swing
 from tripod_sim.model import Model
-from tripod_sim.parts import Parts
 from tripod_sim.state import State
+from tripod_sim.steps.parts import Parts
 from tripod_sim.tables.bodies import GENERATED, Mesh
 
 GRADED = 8

@@ -18,8 +18,8 @@ from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.mesh_error.support import Support
 from tripod_sim.model import Model
-from tripod_sim.parts import Parts
 from tripod_sim.state import State
+from tripod_sim.steps.parts import Parts
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.materials import initial_young

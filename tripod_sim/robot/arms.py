@@ -1,8 +1,8 @@
 """Servo arms as driven frames."""
 
 from tripod_sim.constraints.groups import DrivenFrame
-from tripod_sim.joints import Joints
-from tripod_sim.node_sets import NodeSets
+from tripod_sim.mesh.node_sets import NodeSets
+from tripod_sim.tables.joints import Joints
 
 
 def servo_arms(joints: Joints, sets: NodeSets) -> tuple[DrivenFrame, ...]:

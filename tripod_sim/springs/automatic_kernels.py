@@ -18,9 +18,9 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
+from tripod_sim.forces.spring_kernels import Links
 from tripod_sim.integrators.scheme import Tableau
 from tripod_sim.springs.explicit_kernels import FINE, OVERFLOW, Load, accelerations, runge_kutta
-from tripod_sim.springs.spring_kernels import Links
 
 VERLET, RK4 = 2, 4
 """The schemes by their order."""

@@ -6,13 +6,13 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.forces.spring_kernels import add_forces
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.stability import longest_part, remedy
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.frequency_bound import fastest
 from tripod_sim.springs.loop import SpringLoop
-from tripod_sim.springs.spring_kernels import add_forces
 from tripod_sim.state import State
 from tripod_sim.system import System
 

@@ -7,8 +7,8 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.array_kernels import put
+from tripod_sim.forces.spring_kernels import Links, add_forces, elastic_energy
 from tripod_sim.integrators.scheme import Tableau
-from tripod_sim.springs.spring_kernels import Links, add_forces, elastic_energy
 
 FINE, OVERFLOW = 0, 1
 

@@ -11,9 +11,9 @@ import numpy as np
 from scipy import sparse
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.forces.spring_kernels import rates_of
 from tripod_sim.integrators.stability import largest_eigenvalue
 from tripod_sim.springs.loop import SpringLoop
-from tripod_sim.springs.spring_kernels import rates_of
 
 ITERATIONS = 2000
 

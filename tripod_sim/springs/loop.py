@@ -6,9 +6,9 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
+from tripod_sim.forces.spring_kernels import Links, nets_of
 from tripod_sim.forces.term import ForceTerm, Term
 from tripod_sim.springs.explicit_kernels import Load
-from tripod_sim.springs.spring_kernels import Links, nets_of
 from tripod_sim.system import System
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from tripod_sim.errors import Doubt, SceneError, shown
 
 Described = Any
-"""A `tripod_sim.scene.Scene`, for what that is made of: none of it may import the whole."""
+"""A `tripod_sim.scene.scene.Scene`, for what that is made of: none of it may import the whole."""
 
 
 def number(

@@ -19,7 +19,7 @@ from tripod_sim.errors import SceneError, shown
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import SCHEMES, auto
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, words_of
+from tripod_sim.scene.file import load_scene, words_of
 from tripod_study.accuracy.machine import product_time
 from tripod_study.accuracy.margins import margins
 from tripod_study.accuracy.stored import NUMBERS, StoredPoint, StoredStudy, Value, read_study, stored_studies

@@ -11,7 +11,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.effects import EFFECTS, meaning, words
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.sampling import Sampler, StepTimes, advance, estimate
 

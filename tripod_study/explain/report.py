@@ -11,7 +11,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.effects import EFFECTS, absent, named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene, naming_file
+from tripod_sim.scene.file import load_scene, naming_file
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.costs import FEWEST, PATIENCE, Cost, cost, from_itself
 from tripod_study.explain.memory import Size, memory, size

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from tripod_sim.effects import EFFECTS, meaning, words
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import scene_from_toml, scene_to_toml
+from tripod_sim.scene.file import scene_from_toml, scene_to_toml
 from tripod_study.explain.costs import NEEDS
 
 

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from tripod_sim.description import DISC_HEIGHT, standing
-from tripod_sim.scene_short import effector_of, soft_bodies
+from tripod_sim.scene.description import DISC_HEIGHT, standing
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.robot import ServoDynamics
+from tripod_sim.tables.short_forms import effector_of, soft_bodies
 
 MOST_TRIANGLES = 50_000
 """Of all obstacles; what is beyond is not drawn, and said."""

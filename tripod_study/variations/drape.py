@@ -11,7 +11,7 @@ from tripod_sim.contact.crossings import Crossings
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.springs.net import spring_net
 from tripod_study import report as table

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from tripod_sim.errors import StepError
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene.file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_study import report as table
 

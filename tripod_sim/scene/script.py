@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of, posed
-from tripod_sim.timeline import Timeline, joint_timelines
+from tripod_sim.scene.scene import Scene
+from tripod_sim.tables.short_forms import joints_of, posed
+from tripod_sim.tables.timeline import Timeline, joint_timelines
 
 
 @dataclass(frozen=True, eq=False)

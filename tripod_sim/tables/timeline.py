@@ -11,7 +11,7 @@ from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.fields import OTHER_UNITS, other_unit, units_of, with_unit
 
 if TYPE_CHECKING:
-    from tripod_sim.joints import Joints
+    from tripod_sim.tables.joints import Joints
 
 
 MOST_KEYS = 100_000

@@ -19,7 +19,7 @@ from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.mesh.solid_mesh import check_boundary
 from tripod_sim.mesh.surfaces import Part
 from tripod_sim.model import Model
-from tripod_sim.parts import Parts
+from tripod_sim.steps.parts import Parts
 from tripod_sim.system import System
 from tripod_sim.tables.contact import Contact
 
@@ -152,7 +152,7 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
         check_start(body, obstacle_parts(model.obstacles), name)
         check_apart(name, body, [(s.name, s.part) for s in found[1:]])
         if rigid:
-            from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415 - an effect that is absent
+            from tripod_sim.contact.rigid_start import check_beside
 
             check_beside(rigid, body)
 

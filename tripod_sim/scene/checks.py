@@ -6,10 +6,10 @@ Each check raises SceneError with one line.
 from tripod_sim.effect import Effect
 from tripod_sim.effects import has
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.scene_short import field_of, rigids_of, servo_tables, soft_bodies
 from tripod_sim.tables.bodies import Body, Material
 from tripod_sim.tables.fields import Described, check_box, check_unit
 from tripod_sim.tables.materials import check
+from tripod_sim.tables.short_forms import field_of, rigids_of, servo_tables, soft_bodies
 
 
 def check_bodies(scene: Described) -> None:

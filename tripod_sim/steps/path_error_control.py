@@ -65,7 +65,7 @@ from tripod_sim.tables.method import TimeError
 if TYPE_CHECKING:
     from tripod_sim.contact.contact_solver import ContactSolver
     from tripod_sim.integrators.report import ContactReport
-    from tripod_sim.parts import Parts
+    from tripod_sim.steps.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 """Of the length that the errors allow; least and largest change from part to part."""

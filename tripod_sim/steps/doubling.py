@@ -22,7 +22,7 @@ from tripod_sim.integrators.time_error_kernels import furthest
 from tripod_sim.state import State, TwinState
 
 if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
+    from tripod_sim.steps.parts import Parts
 
 
 class Doubling(Integrator):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.bodies.bending import bending
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import Doubt
-from tripod_sim.mesh.bending import bending
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.tables.bodies import DENSITY, Material

@@ -11,11 +11,11 @@ from typing import cast
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.joints import Arm, Joints
 from tripod_sim.model import BALL
 from tripod_sim.tables.bodies import HOME, Body, Rigid
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import Described
+from tripod_sim.tables.joints import Arm, Joints
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
 

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tripod_sim.scene_short import joints_of
 from tripod_sim.tables.bodies import Material, Mesh, Obstacle, Rigid, Springs
 from tripod_sim.tables.fields import tables_in
 from tripod_sim.tables.maze import Maze
+from tripod_sim.tables.short_forms import joints_of
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion
 from tripod_sim.errors import SceneError
-from tripod_sim.joints import Arm, Joints
-from tripod_sim.scene import Scene
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.scene.scene import Scene
+from tripod_sim.tables.joints import Arm, Joints
 from tripod_sim.tables.robot import ServoDynamics
+from tripod_sim.tables.short_forms import effector_of, joints_of
 
 Frame = tuple[str, str, FloatArray, FloatArray]
 """Parent, child, position [m] and quaternion (x, y, z, w) of the child in the parent."""

@@ -17,7 +17,7 @@ from tripod_sim.effects.mesh_error import MeshError
 from tripod_sim.effects.prescribed import Prescribed
 from tripod_sim.effects.sleep import Sleep
 from tripod_sim.effects.strain_limit import StrainLimit
-from tripod_sim.scene_checks import check_bodies, check_held, check_needs, check_tables
+from tripod_sim.scene.checks import check_bodies, check_held, check_needs, check_tables
 from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rigid, Springs, Tie
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import check_fields, number

@@ -1,0 +1,1 @@
+"""A model to what makes its steps."""
