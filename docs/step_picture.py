@@ -6,9 +6,9 @@ from pathlib import Path
 PICTURE = Path(__file__).parent / "images" / "step.svg"
 
 ROOMS = (
-    ("scene file", "scenes/tripod.toml", ("scene_file.load_scene",)),
-    ("scene", "tables with units and ranges", ("scene.Scene", "scene_checks")),
-    ("model", "mesh, groups, terms", ("lowering.lowered", "model.Model", "build.build_model")),
+    ("scene file", "scenes/tripod.toml", ("scene.load_scene",)),
+    ("scene", "tables with units and ranges", ("scene.Scene", "scene.checks")),
+    ("model", "mesh, groups, terms", ("scene.lowering.lowered", "model.Model", "build.build_model")),
     ("system", "sum of terms Φ(x)", ("system.System", "forces.term.Term")),
     ("time scheme", "stages of a step", ("integrators.implicit.ImplicitSteps",)),
     ("minimise", "Newton with line search", ("integrators.minimise.minimise",)),

@@ -44,7 +44,7 @@ class Draft:
     Attributes:
         model: What is built.
         assembly: The bodies (`bodies.assembly.Assembly`).
-        sets: Their sets of nodes (`node_sets.NodeSets`).
+        sets: Their sets of nodes (`mesh.node_sets.NodeSets`).
         rest: Undeformed positions of all nodes [m], shape (n, 3); until `extend` those of the bodies alone.
         rigid: The nodes of each rigid body.
         driven: The arms of servos.

@@ -34,7 +34,7 @@ def start(tables: tuple[InitialVelocity, ...], sets: Any, rest: FloatArray, held
 
     Args:
         tables: Of the scene.
-        sets: Of the bodies (`node_sets.NodeSets`).
+        sets: Of the bodies (`mesh.node_sets.NodeSets`).
         rest: Undeformed positions [m], shape (n, 3).
         held: Which nodes are held along which axes, shape (n, 3): they have no velocity there.
 
