@@ -4,11 +4,20 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tripod_sim.contact.broad_kernels import sort_codes
 from tripod_sim.contact.broad_phase import Boxes, Tree
 
 
 def found(pairs: np.ndarray) -> list[tuple[int, int]]:
     return sorted(map(tuple, pairs.tolist()))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 300), st.sampled_from([4, 2**12, 2**24, 2**36, 2**48]))
+def test_codes_are_sorted_by_all_their_bits_and_equal_ones_stay(seed: int, n: int, most: int) -> None:
+    codes = np.random.default_rng(seed).integers(0, most, n)
+    order, spare = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    sort_codes(codes, order, spare)
+    np.testing.assert_array_equal(order, np.argsort(codes, kind="stable"))
 
 
 def near(one: Boxes, other: Boxes, margin: float) -> np.ndarray:

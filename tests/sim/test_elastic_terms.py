@@ -40,6 +40,24 @@ def halves(law: str, kind_of_second: str = "same") -> tuple[Elastic, Elastic, np
     )
 
 
+@pytest.mark.parametrize("share", [1e-12, 1e-5])
+def test_the_largest_stiffness_is_in_proportion_however_soft_the_body_is(share: float) -> None:
+    found = []
+    for factor in (1.0, share):
+        mesh = y_piece(LEVELS[1])
+        solid = Solid(
+            mesh.nodes,
+            np.array(mesh.elements),
+            mesh.kind,
+            "neo_hooke",
+            law_vector("neo_hooke", 1e5 * factor, 1e5 * factor),
+        )
+        elastic = Elastic([solid], NONE)
+        elastic.stiffness(np.array(mesh.nodes), elastic.rest_modes(), project=False)
+        found.append(elastic.largest_stiffness())
+    assert found[1] == pytest.approx(share * found[0], rel=1e-9)
+
+
 @pytest.mark.parametrize("law", ["neo_hooke", "corotational"])
 def test_a_solid_in_two_terms_is_the_same_solid(law: str) -> None:
     one, two, nodes = halves(law)

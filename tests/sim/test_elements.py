@@ -288,6 +288,18 @@ def test_modes_settle_from_far_off_where_full_steps_would_not_lead_there(seed: i
     assert solid.settle_modes(x, modes, 1e-22) <= 1e-22
 
 
+@pytest.mark.parametrize("tolerance", np.geomspace(1e-16, 1e-2, 40))
+def test_modes_of_many_elements_settle_together_to_the_tolerance(tolerance: float) -> None:
+    mesh, rng = block(H8_MODES, (4, 4, 4)), np.random.default_rng(4)
+    solid = Solid(
+        mesh.nodes, np.array(mesh.elements), H8_MODES, "neo_hooke", law_vector("neo_hooke", 1.0, 1.0)
+    )
+    x = mesh.nodes * [1.2, 1.0, 0.9] + 0.01 * rng.standard_normal(mesh.nodes.shape)
+    solid.stiffness(np.array(mesh.nodes), solid.rest_modes(), project=False)
+    modes = 0.02 * rng.standard_normal(solid.rest_modes().shape)
+    assert solid.settle_modes(x, modes, tolerance) <= tolerance
+
+
 def test_modes_are_not_sought_where_a_point_has_no_energy() -> None:
     mesh = block(H8_MODES, (1, 1, 1))
     solid = Solid(

@@ -64,3 +64,11 @@ def test_each_part_of_a_static_step_may_take_its_load_in_increments(monkeypatch:
     report = simulation.step(simulation.command - [0.6, 0.0, 0.0, 0.0])
     assert report.parts > 2
     assert len(calls) == report.parts
+
+
+def test_a_static_step_in_which_nothing_moves_takes_no_tangent() -> None:
+    """The tangent of the step before told whether it is stable."""
+    simulation = Simulation(load_scene("tripod", ["inertia=off", "damping=off", "mesh.level=1"]))
+    first, again = simulation.step(), simulation.step()
+    assert first.factorisations > 0
+    assert (again.iterations, again.factorisations, again.unstable) == (0, 0, False)
