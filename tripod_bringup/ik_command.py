@@ -63,7 +63,7 @@ def solve_command(
         from tripod_ik.solve_once import solve_once  # noqa: PLC0415
         from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-        from tripod_sim.scene.file import load_scene  # noqa: PLC0415
+        from tripod_sim.scene.file import load_scene, naming_file  # noqa: PLC0415
         from tripod_sim.tables.short_forms import joints_of  # noqa: PLC0415
 
     shown = sys.stderr.isatty()
@@ -81,7 +81,11 @@ def solve_command(
         description = load_scene(scene, overrides)
         joints = joints_of(description)
         begin = None if start is None else numbers("--start", start, joints.count if joints else 3, "rad")
-        with interruptible("tripod ik"), compiling_told("tripod ik", overwrite if shown else None):
+        with (
+            interruptible("tripod ik"),
+            compiling_told("tripod ik", overwrite if shown else None),
+            naming_file(scene, overrides),
+        ):
             result = solve_once(
                 description,
                 numbers("--target", target, 3, "m"),

@@ -35,7 +35,7 @@ def reach_command(
         from tripod_ik.model import StaticModel  # noqa: PLC0415
         from tripod_ik.reach import default_range, reach  # noqa: PLC0415
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-        from tripod_sim.scene.file import load_scene  # noqa: PLC0415
+        from tripod_sim.scene.file import load_scene, naming_file  # noqa: PLC0415
 
     try:
         for path in (out, plot):  # before the work, not after it
@@ -47,7 +47,8 @@ def reach_command(
             interruptible("tripod reach", out, plot),
             progress_bar("building the model", shown=not quiet and sys.stderr.isatty()) as progress,
         ):
-            model = StaticModel(load_scene(scene, overrides), slide)
+            with naming_file(scene, overrides):
+                model = StaticModel(load_scene(scene, overrides), slide)
             least, most = default_range(model)
             least, most = least if low is None else low, most if high is None else high
             if progress:

@@ -49,10 +49,10 @@ def _promised(result: Mapping[str, Any]) -> list[str]:
         return []
     quantities = [q for k, q in enumerate(result["quantities"]) if k == 0 or q["promised"]]
     factors = margins(result["study"], len(quantities))
-    cases = "poses" if result["cpu"] == "s per solve" else "motions"
+    command, cases = ("ik", "poses") if result["cpu"] == "s per solve" else ("run", "motions")
     others = [f", {factor:g} for {q['what']}" for factor, q in zip(factors[1:], quantities[1:], strict=True)]
     return [
-        f"`tripod run --accuracy` takes a more accurate setting than these: errors in other {cases} may be "
+        f"`tripod {command} --accuracy` takes a more accurate setting than these: errors in other {cases} may be "
         f"{factors[0]:g} times as large (this is the margin{''.join(others)}), so for 5 % it wants at most "
         f"{5 / factors[0]:.2g} % here."
     ]

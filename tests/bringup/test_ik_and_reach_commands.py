@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -169,3 +170,14 @@ def test_the_first_line_of_progress_comes_before_a_scene_is_read(monkeypatch: py
     told = [line for line in said if " linearisations" in line]
     count, missing = text["solved in"].split()[2], text["still missing"].split()[1]
     assert_names(told[-1], f"{count} linearisations", f"{float(missing):.3f} mm left")
+
+
+@pytest.mark.parametrize("command", [["ik", "--target", "0 0 0"], ["reach"]])
+def test_what_is_wrong_in_building_names_the_file_of_the_scene(command: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "loose.toml"
+    path.write_text(
+        f"{scene_file.scene_text('tripod')}\n[[fixed]]\nlow = [1.0, 1.0, 1.0]\nhigh = [2.0, 2.0, 2.0]\n"
+    )
+    result = tripod(command[0], str(path), *command[1:], "--set", "inertia=off", "--set", "damping=off")
+    assert result.exit_code == 2
+    assert_names(result.output, "loose.toml, line", "fixed.0")
