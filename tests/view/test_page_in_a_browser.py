@@ -116,17 +116,25 @@ class Opened:
             )
 
     def press(self, *buttons: str) -> None:
-        """Click on buttons by what stands on them; all must be in sight and enabled."""
-        wrong = self.page.evaluate(
-            """(names) => names.filter((name) => {
-                const found = [...document.querySelectorAll("button")].find((b) => b.textContent === name);
-                const pressed = found && found.offsetParent && !found.disabled;
-                if (pressed) found.click();
-                return !pressed;
-            })""",
-            list(buttons),
-        )
-        assert wrong == []
+        """Click on buttons by what stands on them, each as soon as it is in sight and enabled."""
+        left, end = list(buttons), time.monotonic() + DEADLINE
+        while left:
+            assert time.monotonic() < end, left
+            left = self.page.evaluate(
+                """(names) => {
+                    const pressed = (name) => {
+                        const found = [...document.querySelectorAll("button")].find((b) => b.textContent === name);
+                        const ready = found && found.offsetParent && !found.disabled;
+                        if (ready) found.click();
+                        return ready;
+                    };
+                    while (names.length && pressed(names[0])) names.shift();
+                    return names;
+                }""",
+                left,
+            )
+            if left:
+                self.page.wait_for_timeout(50)
 
     def move(self, selector: str, value: float, event: str = "input") -> None:
         """Put a slider, or a number, at a value."""
