@@ -141,7 +141,7 @@ IDEAS = {
     "roll-backs": Idea(1, 4, roll_backs),
     "time errors": Idea(1, 4, time_errors),
     "circles": Idea(0, 0, circles),
-    "types": Idea(0, 1, types),
+    "types": Idea(0, 0, types),
     "scheme names": Idea(0, 0, scheme_names),
 }
 

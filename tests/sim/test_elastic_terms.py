@@ -5,15 +5,18 @@ import pytest
 from scipy import sparse
 
 from tests.checks import assert_derivative, assert_gradient, law_vector
+from tests.messages import raises_naming
 from tests.sim.implicit_schemes import IMPLICIT, scheme_of
 from tripod_sim import load_scene
 from tripod_sim.build import build
 from tripod_sim.constraints.groups import Groups
+from tripod_sim.errors import SceneError
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.elastic import Elastic
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.spring_force import SpringForce
+from tripod_sim.integrators.explicit import ExplicitSteps
 from tripod_sim.integrators.implicit import ImplicitSteps
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.schemes import SCHEMES
@@ -146,3 +149,12 @@ def test_a_chain_as_a_term_moves_as_in_the_loops_of_springs(scheme: str, damping
         stepper.step(state, np.zeros(1), 0.005)
     assert np.abs(expected.positions - body.nodes).max() > 0.05
     np.testing.assert_allclose(state.positions, expected.positions, rtol=0, atol=1e-8)
+
+
+def test_an_explicit_scheme_refuses_an_elastic_term_that_its_loops_do_not_know() -> None:
+    one, _, nodes = halves("neo_hooke")
+    solid = one.terms[0]
+    solid.solid = None
+    system = System(nodes, [solid], Groups(len(nodes)))
+    with raises_naming(SceneError, "rk4", "Solid"):
+        ExplicitSteps(system, np.ones(len(nodes)), SCHEMES["rk4"], drag=0.0, divide=True)

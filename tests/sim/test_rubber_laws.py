@@ -255,7 +255,7 @@ def test_an_unknown_law_raises_compiled_or_not() -> None:
     solid = Solid(
         mesh.nodes, np.array(mesh.elements), mesh.kind, "neo_hooke", law_vector("neo_hooke", 1.0, 1.0)
     )
-    x, modes, lost = np.array(mesh.nodes), solid.rest_modes(), solid.arrays()._replace(law=none)
+    x, modes, lost = np.array(mesh.nodes), solid.rest_modes(), solid.solid._replace(law=none)
     with raises_naming(ValueError, "elastic law"):
         solid_gradient(x, modes, lost, ELASTIC, *np.zeros((2, *x.shape)))
     with raises_naming(ValueError, "elastic law"):

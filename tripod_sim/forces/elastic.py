@@ -34,6 +34,8 @@ class ElasticTerm:
         remembers: How many numbers its damper takes the rate of, which schemes combine as they do positions; 0 without
             one.
         lasting: Whether the Hessian of one step is near that of the next, so that a factorisation may serve both.
+        solid: What compiled loops need of elements; the arrays are the term's own.
+        links: The same of springs; explicit schemes refuse a term that has neither.
     """
 
     elements: IndexArray
@@ -43,6 +45,8 @@ class ElasticTerm:
     mode_offsets: FloatArray
     remembers = 0
     lasting = True
+    solid: "SolidArrays | None" = None
+    links: "Links | None" = None
 
     def rest_modes(self) -> FloatArray:
         """Return the modes of the undeformed body [m], shape (m, modes of an element, 3)."""
@@ -123,10 +127,6 @@ class ElasticTerm:
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
-
-    def arrays(self) -> "SolidArrays | Links":
-        """Return what compiled loops need; the arrays are the term's own."""
-        raise NotImplementedError
 
     def limit(self) -> None:
         """Where that is known, write matrices to `matrices` that no tangent of the term exceeds; else leave them."""

@@ -43,6 +43,8 @@ class Solid(ElasticTerm):
         numbers: Of the elements in their mesh, for messages, shape (m,).
     """
 
+    solid: SolidArrays
+
     def __init__(
         self,
         nodes: FloatArray,
@@ -78,21 +80,17 @@ class Solid(ElasticTerm):
         self.remembers = count * points * 6
         y, pull, push = np.zeros((3, count, extra))
         before, strain = np.zeros((2, count, points, 6))
-        self._arrays = SolidArrays(
+        self.solid = SolidArrays(
             elements, np.arange(count), G, weight, functions, parameters, kind.mean_dilatation, self.matrices,
             np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), y, pull, push,
             damping * np.array([lam - kappa, mu, kappa]), np.zeros(1), before, strain,
         )  # fmt: skip
-        self.mode_offsets = self._arrays.y
-
-    def arrays(self) -> SolidArrays:
-        """Return what compiled loops need; the arrays are the solid's own."""
-        return self._arrays
+        self.mode_offsets = self.solid.y
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
-        self._arrays.X[:] = 0.0
-        self._arrays.inverse[:] = 0.0
+        self.solid.X[:] = 0.0
+        self.solid.inverse[:] = 0.0
 
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
@@ -100,8 +98,8 @@ class Solid(ElasticTerm):
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3); infinite where the material has none."""
-        y, pull = np.empty((2, *self._arrays.y.shape))  # those at hand stay those of the last gradient
-        apart, g = self._arrays._replace(y=y, pull=pull), np.zeros_like(x)
+        y, pull = np.empty((2, *self.solid.y.shape))  # those at hand stay those of the last gradient
+        apart, g = self.solid._replace(y=y, pull=pull), np.zeros_like(x)
         return float(kernels.solid_gradient(x, modes, apart, kernels.ELASTIC, g, g)[0])
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
@@ -121,55 +119,55 @@ class Solid(ElasticTerm):
     def _add(
         self, x: FloatArray, modes: FloatArray, of: int, g: FloatArray, d: FloatArray
     ) -> tuple[float, float]:
-        energy, damped, self.mode_residual_squared = kernels.solid_gradient(x, modes, self._arrays, of, g, d)
+        energy, damped, self.mode_residual_squared = kernels.solid_gradient(x, modes, self.solid, of, g, d)
         return float(energy), float(damped)
 
     def remember(self, x: FloatArray, modes: FloatArray, out: FloatArray, *, known: bool) -> None:
         """Write Green's strain at each point to `out`; `known`: it is that of the last gradient with the damper."""
         if not known:
-            kernels.write_strains(x, modes, self._arrays)
-        out[:] = self._arrays.strain.reshape(-1)
+            kernels.write_strains(x, modes, self.solid)
+        out[:] = self.solid.strain.reshape(-1)
 
     def aim(self, s: float, known: FloatArray) -> None:
         """Let the damper be that of a stage of `s` [s], whose strains before are `known`, shape (remembers,)."""
-        self._arrays.rate[0] = 1.0 / s
-        self._arrays.before.reshape(-1)[:] = known
+        self.solid.rate[0] = 1.0 / s
+        self.solid.before.reshape(-1)[:] = known
 
     def add_rates(
         self, x: FloatArray, modes: FloatArray, y: FloatArray, factor: float, out: FloatArray
     ) -> None:
         """Add `factor` C y to `out`, both of shape (n, 3), C the damper's matrix at `x`."""
-        add_solid_rates(x, y, modes, self._arrays, factor, out)
+        add_solid_rates(x, y, modes, self.solid, factor, out)
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
         """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
         return int(
             kernels.solid_stiffness(
-                x, modes, self._arrays, kernels.BOTH if damper else kernels.ELASTIC, project
+                x, modes, self.solid, kernels.BOTH if damper else kernels.ELASTIC, project
             )
         )
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
-        kernels.update_modes(modes, self.elements, self._arrays.X, self._arrays.y, dx, scale, out)
+        kernels.update_modes(modes, self.elements, self.solid.X, self.solid.y, dx, scale, out)
 
     def settle_modes(
         self, x: FloatArray, modes: FloatArray, tolerance: float, *, damper: bool = False
     ) -> float:
         """As `ElasticTerm.settle_modes`."""
         return float(
-            settle_modes(x, modes, self._arrays, kernels.BOTH if damper else kernels.ELASTIC, tolerance)
+            settle_modes(x, modes, self.solid, kernels.BOTH if damper else kernels.ELASTIC, tolerance)
         )
 
     def balance_modes(self) -> None:
         """Take the modes to be in balance, f_a = -h_a: the next step moves them by -X dx alone."""
-        np.negative(self._arrays.push, out=self._arrays.pull)
-        self._arrays.y[:] = 0.0
+        np.negative(self.solid.push, out=self.solid.pull)
+        self.solid.y[:] = 0.0
         self.mode_residual_squared = 0.0
 
     def worst_element(self, x: FloatArray, modes: FloatArray) -> tuple[int, float]:
         """Return the element with the smallest volume ratio det F, and that ratio."""
-        element, ratio = kernels.smallest_volume_ratio(x, modes, self._arrays)
+        element, ratio = kernels.smallest_volume_ratio(x, modes, self.solid)
         return int(element), float(ratio)
 
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:

@@ -67,6 +67,7 @@ class SpringForce(SpringTangents, ElasticTerm):
     """
 
     lasting = False
+    links: Links
 
     def __init__(
         self, ends: IndexArray, rest_length: FloatArray, stiffness: FloatArray, damping: FloatArray, *, slack: bool,
@@ -143,10 +144,6 @@ class SpringForce(SpringTangents, ElasticTerm):
         """Write `matrices`, with `project` positive semi-definite; return -1."""
         self.write(x, self._rate if damper else 0.0, self._reference, project=project)
         return -1
-
-    def arrays(self) -> Links:
-        """Return what compiled loops need; the arrays are the springs' own."""
-        return self.links
 
     def limit(self) -> None:
         """Write k times [I, -I; -I, I]: stretched, a spring's tangent is below that, k (1 - L / l) across it."""

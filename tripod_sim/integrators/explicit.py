@@ -27,8 +27,8 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
-from tripod_sim.forces.spring_kernels import Links, nets_of
+from tripod_sim.forces.solid_arrays import no_solid
+from tripod_sim.forces.spring_kernels import nets_of
 from tripod_sim.forces.term import ForceTerm, LinearTerm, Term
 from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Solids
@@ -81,9 +81,9 @@ class ExplicitSteps:
         self._take(system.terms)
         damped = any(t.remembers for t in system.elastic.terms)
         self._damping = LargestFrequency(system, mass, self._add_damping) if damped else None
-        terms = [t.arrays() for t in system.elastic.terms]
-        self._solids = [(k, arrays) for k, arrays in enumerate(terms) if isinstance(arrays, SolidArrays)]
-        self._nets = nets_of([t for t in terms if isinstance(t, Links)])
+        elastic = system.elastic.terms
+        self._solids = [(k, term.solid) for k, term in enumerate(elastic) if term.solid]
+        self._nets = nets_of([term.links for term in elastic if term.links])
         self._at: State | None = None  # where `_add_damping` takes the matrix of dampers
         self._bodies, self._offset = _bodies(system, mass)
         self._frames = _frames(system)
@@ -121,6 +121,8 @@ class ExplicitSteps:
                     f"{', '.join(IMPLICIT)}"
                 )
         self._bed = next(iter(linear), None)
+        if unknown := [type(t).__name__ for t in self._system.elastic.terms if not (t.solid or t.links)]:
+            raise SceneError(f"inertia.scheme is {self._scheme.name!r}, which cannot compute {unknown[0]}")
 
     def _make_load(self) -> Load:
         system, mass = self._system, self._mass

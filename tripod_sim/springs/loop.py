@@ -32,14 +32,13 @@ def spring_loop(
         inertia: The term of implicit schemes, which the loops do not need; None if the system has none.
     """
     terms = [term for term in system.terms if term is not inertia]
-    arrays = [term.arrays() for term in system.elastic.terms]
-    springs = [links for links in arrays if isinstance(links, Links)]
+    springs = [term.links for term in system.elastic.terms if term.links]
     constant = [term for term in terms if isinstance(term, ForceTerm) and not term.works]
     kinds, groups = system.reduction.kind, system.groups
     free = kinds == Kind.FREE
     if not (
         springs
-        and len(springs) == len(arrays)
+        and len(springs) == len(system.elastic.terms)
         and len({links.slack for links in springs}) == 1
         and len(constant) == len(terms)
         and (free | (kinds == Kind.FIXED)).all()
