@@ -11,7 +11,7 @@ from tests.test_layers import ROOT, imports, modules, package_of
 ROOMS = {
     "base": (
         "errors",
-        "copied",
+        "copying",
         "kernel_cache",
         "array_kernels",
         "distance_kernels",

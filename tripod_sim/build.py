@@ -31,7 +31,7 @@ from tripod_sim.scene.lowering import lowered
 from tripod_sim.scene.scene import Scene
 from tripod_sim.steps.parts import Parts
 from tripod_sim.steps.steppers import stepper_of
-from tripod_sim.steps.tolerance import solved_to
+from tripod_sim.steps.tolerance import with_tolerance
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 
@@ -103,7 +103,7 @@ def _built(model: Model, progress: Progress | None = None, say: Say | None = Non
     last = slice(len(draft.rest) - len(fastened), None)
     draft.load[last], draft.inert[last] = fastened, fastened
     do("weigh")
-    draft.model = model = solved_to(
+    draft.model = model = with_tolerance(
         model, [draft.load[body.nodes].sum() for body in assembly.bodies], draft.dead
     )
     do("act")

@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import RigidMotion
-from tripod_sim.copied import Copied
+from tripod_sim.copying import Copyable
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
@@ -19,7 +19,7 @@ def _none() -> FloatArray:
 
 
 @dataclass(eq=False)
-class State(Copied):
+class State(Copyable):
     """Configuration and velocity at one instant.
 
     Attributes:
@@ -100,7 +100,7 @@ class State(Copied):
 
 
 @dataclass(eq=False)
-class ErrorState(Copied):
+class ErrorState(Copyable):
     """What the estimate of `integrators.time_error` remembers from step to step.
 
     Attributes:
@@ -142,7 +142,7 @@ class ErrorState(Copied):
 
 
 @dataclass(eq=False)
-class TwinState(Copied):
+class TwinState(Copyable):
     """What the estimate of `steps.doubling` remembers from step to step.
 
     Attributes:
@@ -157,14 +157,14 @@ class TwinState(Copied):
 
 
 @dataclass(eq=False)
-class WayState(Copied):
+class WayState(Copyable):
     """What `steps.path_error_control` remembers. Points are what is shown, then the effector's nodes.
 
     Attributes:
         origin: Where points began [m], shape (n, 3).
         velocities: Of points at the start of the last part [m/s], shape (n, 3).
         accelerations: Of points at its end [m/s²], shape (n, 3).
-        sums: Of the errors of all parts (see `way_kernels.write_lengths`), shape (n, 4).
+        sums: Of the errors of all parts (see `path_error_kernels.write_lengths`), shape (n, 4).
         added: Sum of what parts have added to the errors of points [m], shape (n,).
         furthest: That a point of each kind has been from its origin [m], shape (2,).
         length: Of the last part [s]; 0 before the first.

@@ -14,7 +14,7 @@ from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh_error import estimate
 from tripod_sim.mesh_error.estimate import finer, richer
-from tripod_sim.mesh_error.outside import Outside, alone, interpolation
+from tripod_sim.mesh_error.external_loads import ExternalLoads, alone, interpolation
 from tripod_sim.mesh_error.support import Support
 from tripod_sim.scene.lowering import lowered
 from tripod_sim.tables.bodies import Mesh
@@ -116,7 +116,7 @@ def test_beside_other_things_the_effector_errs_as_estimated(
     assert ((told > 0.5 * lengths) & (told < 2.0 * lengths)).all(), told / lengths
     left = np.linalg.norm(true - found - estimated, axis=1)[[15, -1]]
     assert (left < 0.5 * lengths).all(), left / lengths
-    monkeypatch.setattr(Outside, "load", lambda *_: None)
+    monkeypatch.setattr(ExternalLoads, "load", lambda *_: None)
     _, without = effector((*words, ALWAYS), way)
     assert np.linalg.norm(estimated[-1] - without[-1]) > 0.01 * lengths[-1], "what acts on it counts"
 
@@ -138,7 +138,7 @@ def test_what_holds_the_body_is_no_force_from_outside(monkeypatch: pytest.Monkey
     way = [np.array([0.0, -0.3, -0.3, 0.0])]
     words = (*STILL, ALWAYS, "mesh.level=1", held)
     _, told = effector(words, way)
-    monkeypatch.setattr(Outside, "load", lambda *_: None)
+    monkeypatch.setattr(ExternalLoads, "load", lambda *_: None)
     _, without = effector(words, way)
     assert np.linalg.norm(told) > 1e-4
     assert np.abs(told - without).max() < 1e-6  # [m], by forces within the tolerance

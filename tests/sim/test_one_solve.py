@@ -9,7 +9,7 @@ from tests.messages import raises_naming
 from tests.scenes import SHARP
 from tests.sim.implicit_schemes import IMPLICIT, scheme_of
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.integrators.left_over import LeftOver
+from tripod_sim.integrators.chord_predictor import ChordPredictor
 
 WORKING = ("servos.angles=[-1.4965, -1.4965, -1.4965]", "servos.slide=0.035")
 
@@ -136,7 +136,7 @@ def test_nothing_is_missed_where_the_matrix_is_that_of_another_pose() -> None:
     stiffness, factored, pull = np.diag([1.0, 2.0, 3.0]), np.diag([2.5, 2.0, 2.0]), np.array([1.0, -2.0, 0.5])
     lags = []
     for foreseen in (False, True):
-        left_over, x = LeftOver(3), np.zeros(3)
+        left_over, x = ChordPredictor(3), np.zeros(3)
         for k in range(1, 121):
             forecast = left_over.forecast(0.01) if foreseen else np.zeros(3)
             x -= np.linalg.solve(factored, stiffness @ (x - k * pull)) + forecast
@@ -152,7 +152,7 @@ def test_nothing_is_missed_where_the_matrix_is_that_of_another_pose() -> None:
 @pytest.mark.parametrize("ratio", [0.2, 0.5, 1.0, 1.5, 1.85])
 def test_what_is_foreseen_makes_no_mode_unstable(ratio: float) -> None:
     """A step that is foreseen, evaluated and corrected with k0 for a spring of k is stable for k well below 2 k0."""
-    left_over, x = LeftOver(1), np.ones(1)
+    left_over, x = ChordPredictor(1), np.ones(1)
     for _ in range(600):
         x = x - ratio * x - left_over.forecast(0.01)
         missed = ratio * x
@@ -162,7 +162,7 @@ def test_what_is_foreseen_makes_no_mode_unstable(ratio: float) -> None:
 
 
 def test_a_forecast_belongs_to_one_length_and_one_factorisation() -> None:
-    left_over, missed = LeftOver(2), np.array([4.0, -8.0])
+    left_over, missed = ChordPredictor(2), np.array([4.0, -8.0])
     np.testing.assert_array_equal(left_over.forecast(0.01), 0.0)
     left_over.note(missed)
     np.testing.assert_array_equal(left_over.forecast(0.01), missed)

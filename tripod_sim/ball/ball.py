@@ -9,7 +9,7 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import rotation_vector
 from tripod_sim.ball import plate_kernels as k
 from tripod_sim.ball.obstacles import Obstacles
-from tripod_sim.copied import Copied
+from tripod_sim.copying import Copyable
 from tripod_sim.tables.maze import Ball
 
 
@@ -32,7 +32,7 @@ ABYSS = 0.5
 
 
 @dataclass(eq=False)
-class BallState(Copied):
+class BallState(Copyable):
     """A ball at one instant.
 
     Attributes:

@@ -159,7 +159,7 @@ EFFECT = Effect(
         "integrators.added_error_control",
         "steps.doubling",
         "integrators.factor_store",
-        "integrators.way_kernels",
+        "integrators.path_error_kernels",
         "steps.path_error_control",
         "springs.automatic",
         "springs.automatic_kernels",

@@ -5,10 +5,10 @@ once and corrected:
 
     x1 = x - A^-1 g(x) - p,   m = A^-1 g(x1),   x2 = x1 - m,
 
-p the forecast of `left_over`. x1 misses about |m|, and the step ends there if that is below `near`: a length, and for
-every node; what it misses is left to the next step. A is kept from an earlier pose, and every solve with it leaves some
-part q of what it was to take away, known where a solve and what it left both are: q = |p + m| / |x1 - x|. So x2 misses
-about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be in
+p the forecast of `chord_predictor`. x1 misses about |m|, and the step ends there if that is below `near`: a length, and
+for every node; what it misses is left to the next step. A is kept from an earlier pose, and every solve with it leaves
+some part q of what it was to take away, known where a solve and what it left both are: q = |p + m| / |x1 - x|. So x2
+misses about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be in
 balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
 Where x2 is not near enough it is evaluated and corrected in turn, as in Newton's method. The tangent is renewed in a
 step where it halves neither the residual nor, where that is small, the correction (the natural monotonicity test for a
@@ -20,7 +20,7 @@ renewed before a step can be renewed between steps (`Newton.renew`).
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.left_over import LeftOver
+from tripod_sim.integrators.chord_predictor import ChordPredictor
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -49,7 +49,7 @@ class OneSolve(Newton):
         """As `Newton`; `near`: how far any node may be from the solution of a step [m]."""
         super().__init__(system, tolerance, max_iterations)
         self.near = self._asked = near
-        self._left_over = LeftOver(system.unknowns)
+        self._left_over = ChordPredictor(system.unknowns)
         self._forecast: FloatArray | None = None  # p, until it has been judged
         self._correction: FloatArray | None = None  # m, until it is used
         self._missed, self._far = np.zeros_like(system.rest), 0.0  # what m moves, and the largest of it [m]

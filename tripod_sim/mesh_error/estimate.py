@@ -15,7 +15,8 @@ keeps it rigid is among their r.
 Where both are linear that is the dual-weighted residual [BeckerRannacher2001] with the dual solution of the richer
 mesh, error = -z+ . R+(x), A+ z+ = H^T: a step with the kept tangent A+ costs the one back-substitution that the dual
 would, gives all three components, and what the linearisation misses is seen and corrected by the next. The forces are
-taken as known, so the error follows at once; that it has inertia and vibrates, of a body that is alone, is in `swing`.
+taken as known, so the error follows at once; that it has inertia and vibrates, of a body that is alone, is in
+`modal_error`.
 """
 
 import time
@@ -37,8 +38,8 @@ from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.mesh.described import element_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
-from tripod_sim.mesh_error.outside import Outside, alone, interpolate, interpolation
-from tripod_sim.mesh_error.swing import Swing
+from tripod_sim.mesh_error.external_loads import ExternalLoads, alone, interpolate, interpolation
+from tripod_sim.mesh_error.modal_error import ModalError
 from tripod_sim.model import Model
 from tripod_sim.state import State
 from tripod_sim.steps.parts import Parts
@@ -99,7 +100,7 @@ class MeshError:
             )
         parts, solver = build_model(richer(model)), simulated.solver
         assert isinstance(parts.mesh, SolidMesh)
-        self._outside = Outside(model, mesh, parts, simulated)
+        self._outside = ExternalLoads(model, mesh, parts, simulated)
         system = self._system = self._outside.supported(parts.system, model)
         system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
         self._rotations = Rotations(mesh, system)
@@ -109,7 +110,7 @@ class MeshError:
         self._share = share
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
         self._rest, self._simulated = mesh.nodes, simulated
-        self._swing = self._swinging(model, parts)
+        self._modal_error = self._error_in_motion(model, parts)
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
         self._loads = NodalLoads(system.rest)
@@ -135,8 +136,8 @@ class MeshError:
         begin = time.thread_time()
         self._at_rest = self._error_at_rest(state)
         self._cost = time.thread_time() - begin
-        if self._swing:
-            self._swing.start(state, own)
+        if self._modal_error:
+            self._modal_error.start(state, own)
         self._last = self._report(state.time)
         return self._last
 
@@ -145,19 +146,19 @@ class MeshError:
 
         It then costs no linear solve, as little as that of the mesh. It begins anew.
         """
-        errors, swing = self._simulated.errors, self._swing
-        if not (errors and swing and len(swing.modes.squares)):
+        errors, modal = self._simulated.errors, self._modal_error
+        if not (errors and modal and len(modal.modes.squares)):
             return False
         from tripod_sim.integrators.time_error import ErrorTransport  # noqa: PLC0415 - an effect that is absent
-        from tripod_sim.mesh_error.modal_steps import ModalSteps  # noqa: PLC0415
+        from tripod_sim.mesh_error.modal_integration import ModalIntegration  # noqa: PLC0415
 
         if not isinstance(errors, ErrorTransport) or not errors.carried:
             return False
-        errors.carry_in(ModalSteps(swing.modes, errors.system, errors.inertia, swing.damping))
+        errors.carry_in(ModalIntegration(modal.modes, errors.system, errors.inertia, modal.damping))
         return True
 
-    def _swinging(self, model: Model, richer: Parts) -> Swing | None:
-        """Return what lets the error swing; None where nothing moves, or what does is not the body alone."""
+    def _error_in_motion(self, model: Model, richer: Parts) -> ModalError | None:
+        """Return what adds the inertia of the error; None where nothing moves, or more than the body alone."""
         system = self._simulated.system
         if not model.scheme or model.contact or len(model.bodies) > 1:
             return None
@@ -166,7 +167,7 @@ class MeshError:
         weights = np.append(self._weights, np.ones(len(plate)))
         shape = (len(richer.mass), len(self._outside.system.rest))
         prolong = csr_matrix((weights, (rows, np.append(self._nodes, own_plate))), shape)
-        return Swing(self._outside, self._system, prolong, richer.mass, model.drag, system.elastic)
+        return ModalError(self._outside, self._system, prolong, richer.mass, model.drag, system.elastic)
 
     def follow(self, state: State, begin: float) -> MeshErrorReport:
         """Take notice of a step to `state` that began at `begin` of the thread's clock [s].
@@ -177,7 +178,7 @@ class MeshError:
         end = time.thread_time()
         self._credit += self._share * (end - begin)
         due = self._credit >= self._cost
-        swings = self._swing is not None and self._swing.follow(state)
+        swings = self._modal_error is not None and self._modal_error.follow(state)
         if due:
             self._last = self.estimate(state, exactly=not self._moves)
         elif swings:
@@ -189,13 +190,16 @@ class MeshError:
         """Return the error at `state`; if not `exactly`, as far as its size asks for."""
         self._newton.amiss = None if exactly else state.centres[0]
         self._at_rest = self._error_at_rest(state)
-        if self._swing:
-            self._swing.see()
+        if self._modal_error:
+            self._modal_error.see()
         return self._report(state.time)
 
     def _report(self, at: float) -> MeshErrorReport:
         """Return the last error at rest, of the time `at` [s], as it swings now."""
-        (x, y, z), (dx, dy, dz) = self._at_rest.tolist(), self._swing.beyond() if self._swing else (0.0,) * 3
+        (x, y, z), (dx, dy, dz) = (
+            self._at_rest.tolist(),
+            self._modal_error.beyond() if self._modal_error else (0.0,) * 3,
+        )
         return MeshErrorReport((x + dx, y + dy, z + dz), at)
 
     def _error_at_rest(self, state: State) -> FloatArray:

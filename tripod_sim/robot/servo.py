@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.copied import Copied
+from tripod_sim.copying import Copyable
 from tripod_sim.tables.robot import ServoDynamics
 
 NEARLY = 0.98
@@ -61,7 +61,7 @@ class Stall:
 
 
 @dataclass(eq=False)
-class ServoState(Copied):
+class ServoState(Copyable):
     """What servos remember; their angles are joints of the `State`.
 
     Attributes:

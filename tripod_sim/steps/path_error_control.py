@@ -47,18 +47,18 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.integrator import StepperIntegrator
 from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.integrators.path_error_kernels import (
+    drop_normal,
+    ratio_over_path,
+    write_corners,
+    write_errors,
+    write_lengths,
+)
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.scheme import Scheme
 from tripod_sim.integrators.step_control import StepControl, Substep, Work
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.integrators.time_error import TimeErrorReport
-from tripod_sim.integrators.way_kernels import (
-    drop_normal,
-    ratio_over_way,
-    write_corners,
-    write_errors,
-    write_lengths,
-)
 from tripod_sim.state import State, WayState
 from tripod_sim.tables.method import TimeError
 
@@ -282,7 +282,7 @@ class PathErrorControl(StepControl):
         if not self._accuracy:
             return float(self._added.max()) / self._wanted.tolerance, 0.0
         ratios = [
-            ratio_over_way(
+            ratio_over_path(
                 self._accuracy, self._floor, SPEND, LEAST,
                 self._added[k], self._ways[k], self._far[k], known.added[k], furthest,
             )

@@ -22,7 +22,7 @@ STANDARD = 9.81
 """Acceleration by which masses count where there is no gravity [m/s²]."""
 
 
-def solved_to(model: Model, masses: Iterable[float], dead: FloatArray | None = None) -> Model:
+def with_tolerance(model: Model, masses: Iterable[float], dead: FloatArray | None = None) -> Model:
     """Return a model whose `solver.tolerance`, where it is the default, is small against what bends bodies, too.
 
     Args:

@@ -11,11 +11,11 @@ from tripod_sim.mesh_error.modes import Modes
 from tripod_sim.system import System
 
 
-class ModalSteps:
+class ModalIntegration:
     """The errors in modes phi_i of the start, e = sum of phi_i z_i (see `integrators.time_error.Coordinates`).
 
-    There m is 1, and A of a stage is diagonal, w + w_i² + d_i / s, d_i the damping of each mode (see `swing`). The
-    residuals of the solver are not carried: each step corrects that of the step before.
+    There m is 1, and A of a stage is diagonal, w + w_i² + d_i / s, d_i the damping of each mode (see `modal_error`).
+    The residuals of the solver are not carried: each step corrects that of the step before.
     """
 
     corrects = False

@@ -69,7 +69,7 @@ def alone(model: Model, mesh: Mesh) -> Model:
     return replace(found, sets=sets, effects=tuple(effects), joints=joints, discs=discs)
 
 
-class Outside:
+class ExternalLoads:
     """What acts on the first body from outside: forces on the nodes of the richer mesh, and obstacles that hold it.
 
     Attributes:

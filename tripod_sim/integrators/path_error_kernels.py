@@ -113,7 +113,7 @@ def write_lengths(
 
 
 @njit(cache=True, error_model="numpy")
-def ratio_over_way(
+def ratio_over_path(
     accuracy: float, floor: float, spend: float, least: float, added: Array, ways: Array, far: Array, before: Array,
     furthest: float,
 ) -> tuple[float, float]:  # fmt: skip

@@ -23,7 +23,7 @@ LEVEL, SLOPE = 0.8, 0.2
 """Parts of m that go into level and slope: with more, stiff modes tremble; with less, the forecast lags."""
 
 
-class LeftOver:
+class ChordPredictor:
     """Carries the forecast p from one solve to the next, in the unknowns of a system."""
 
     def __init__(self, unknowns: int) -> None:

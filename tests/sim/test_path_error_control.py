@@ -15,7 +15,7 @@ from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
 from tripod_sim.errors import UnsolvedError
 from tripod_sim.integrators import newton
-from tripod_sim.integrators import way_kernels as kernels
+from tripod_sim.integrators import path_error_kernels as kernels
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.state import State
@@ -262,12 +262,12 @@ def test_where_nothing_is_spared_parts_may_add_their_share_and_a_little() -> Non
     added, ways, far = np.array([1e-4, 0.0]), np.array([1e-3, 2e-3]), np.array([0.1, 0.2])
     spent = np.array([1.0, 0.0])  # far more than 5 % of 0.2 m
     share, little, much = 0.05 * 2e-3, 0.01 * 0.05 * 0.2, 0.25 * 0.05 * 0.4
-    found = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)
+    found = kernels.ratio_over_path(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)
     assert found == pytest.approx((1e-4 / (share + little), share / (share + little)))
-    found = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, 0 * spent, 0.4)
+    found = kernels.ratio_over_path(0.05, 0.0, 0.25, 0.01, added, ways, far, 0 * spent, 0.4)
     assert found == pytest.approx((1e-4 / (share + much), share / (share + much)))
     added[1] = np.nan
-    assert np.isnan(kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)[0])
+    assert np.isnan(kernels.ratio_over_path(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)[0])
 
 
 @pytest.mark.parametrize(("w", "phase"), [(1.0, 0.0), (1e5, 0.0), (1e5, np.pi), (10.0, np.pi)])

@@ -10,10 +10,10 @@ from tests.tiers import sampled
 from tripod_sim import Simulation, load_scene
 from tripod_sim.integrators.time_error import ErrorTransport
 from tripod_sim.linear.solver import LinearError
-from tripod_sim.mesh_error import swing
-from tripod_sim.mesh_error.modal_steps import ModalSteps
+from tripod_sim.mesh_error import modal_error
+from tripod_sim.mesh_error.modal_error import ModalError, propagator
+from tripod_sim.mesh_error.modal_integration import ModalIntegration
 from tripod_sim.mesh_error.modes import Modes
-from tripod_sim.mesh_error.swing import Swing, propagator
 from tripod_study.summary.errors import effector_error
 
 W = -1.4965
@@ -42,7 +42,7 @@ def test_a_swinging_body_errs_by_less_than_both_errors_in_sum_and_as_told(
     for swings in (True, False):
         own = pressed("mesh_error.share=1e6", "time_error={}")
         if not swings:
-            monkeypatch.setattr(Swing, "beyond", lambda _: np.zeros(3))
+            monkeypatch.setattr(ModalError, "beyond", lambda _: np.zeros(3))
         for joints in way(own.command):
             report = own.step(joints)
             assert report.mesh_error and report.time_error
@@ -90,14 +90,14 @@ BALL = "rigid=[{shape='ball', radius=0.01, mass=0.01, position=[0, 0, 0.02]}]"
 
 @pytest.mark.parametrize("words", [("inertia=off", "damping=off"), ("contact={}", BALL)])
 def test_nothing_swings_where_nothing_moves_or_more_than_the_body_does(words: tuple[str, ...]) -> None:
-    assert pressed("mesh_error={}", *words)._mesh_error._swing is None  # type: ignore[union-attr]
+    assert pressed("mesh_error={}", *words)._mesh_error._modal_error is None  # type: ignore[union-attr]
 
 
 def test_without_modes_the_error_at_rest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object) -> None:
         raise LinearError("did not converge")
 
-    monkeypatch.setattr(swing, "modes", fails)
+    monkeypatch.setattr(modal_error, "modes", fails)
     simulation = pressed("mesh_error.share=1e6", "time_error={}")
     assert simulation.state.errors and simulation.state.errors.error.shape[2] == 3
     for joints in way(simulation.command)[:20]:
@@ -110,8 +110,8 @@ def test_without_modes_the_error_at_rest_is_told(monkeypatch: pytest.MonkeyPatch
 def test_modes_are_those_of_the_body_within_their_span_and_a_coarse_mesh_is_too_stiff_for_each() -> None:
     simulation = pressed("mesh_error={}")
     estimate = simulation._mesh_error
-    assert estimate and estimate._swing
-    swinging, system = estimate._swing, estimate._outside.system
+    assert estimate and estimate._modal_error
+    swinging, system = estimate._modal_error, estimate._outside.system
     found, inertia = swinging.modes, swinging._inertia
     own = estimate._outside.placed(simulation.state)
     system.assemble(own, project=False)
@@ -176,8 +176,8 @@ def test_the_largest_error_is_that_of_the_node_that_the_modes_move_most() -> Non
     for joints in way(simulation.command)[:20]:
         simulation.step(joints)
     told, errors, estimate = simulation.report.time_error, simulation.state.errors, simulation._mesh_error
-    assert told and errors and estimate and estimate._swing
-    moves = np.linalg.norm(np.tensordot(errors.error[0][:, 0], estimate._swing.modes.shapes, 1), axis=1)
+    assert told and errors and estimate and estimate._modal_error
+    moves = np.linalg.norm(np.tensordot(errors.error[0][:, 0], estimate._modal_error.modes.shapes, 1), axis=1)
     assert moves[told.node] == pytest.approx(moves.max(), rel=1e-5)
     assert told.largest == pytest.approx(moves.max(), rel=1e-5)
 
@@ -187,13 +187,13 @@ def test_at_rest_no_error_of_the_steps_is_carried_and_a_reset_begins_anew(
 ) -> None:
     simulation = pressed("mesh_error.share=1e-9", "time_error={}")
     stages: list[int] = []
-    solve = ModalSteps.stage
+    solve = ModalIntegration.stage
 
-    def counted(self: ModalSteps, *words: Any) -> None:
+    def counted(self: ModalIntegration, *words: Any) -> None:
         stages.append(1)
         solve(self, *words)
 
-    monkeypatch.setattr(ModalSteps, "stage", counted)
+    monkeypatch.setattr(ModalIntegration, "stage", counted)
     for _ in range(5):
         simulation.step()
     assert not stages
@@ -219,7 +219,7 @@ def test_a_step_that_changes_nothing_is_left_out_and_nothing_is_told_otherwise(
     monkeypatch: pytest.MonkeyPatch, scheme: str
 ) -> None:
     looked: list[int] = []
-    momenta, carry = Modes.momenta, swing.carry
+    momenta, carry = Modes.momenta, modal_error.carry
 
     def counted(*words: Any) -> Any:
         looked.append(1)
@@ -242,7 +242,7 @@ def test_a_step_that_changes_nothing_is_left_out_and_nothing_is_told_otherwise(
     monkeypatch.setattr(Modes, "momenta", counted)
     left_out, few = told(), len(looked)
     monkeypatch.setattr(ErrorTransport, "rests", lambda *_: False)
-    monkeypatch.setattr(swing, "carry", never_still)
+    monkeypatch.setattr(modal_error, "carry", never_still)
     np.testing.assert_array_equal(left_out, told())
     assert few < len(looked) - 10
     assert np.abs(left_out).max() > 1e-5
@@ -269,7 +269,7 @@ def test_only_what_no_force_pushes_is_still() -> None:
     one, z, rate, force = np.ones((1, 3), np.float32), np.zeros(1), np.zeros(1), np.zeros(1)
     slow, fast = np.zeros((1, 3)), np.full((1, 3), 1e-3)
     told = [
-        swing.carry(
+        modal_error.carry(
             np.zeros(1, np.int64), one, velocities, fast.copy(), 0.5, np.full((1, 1), 1e-9),
             propagator(np.ones(1), np.zeros(1), 0.5), force, z, rate, 1e-7,
         )

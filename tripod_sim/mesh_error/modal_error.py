@@ -25,14 +25,14 @@ from tripod_host.arrays import Array, FloatArray
 from tripod_sim.array_kernels import put
 from tripod_sim.forces.elastic import Elastic
 from tripod_sim.linear.solver import LinearError
+from tripod_sim.mesh_error.external_loads import ExternalLoads
 from tripod_sim.mesh_error.modes import modes, none, project
-from tripod_sim.mesh_error.outside import Outside
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.system_kernels import same
 
 
-class Swing:
+class ModalError:
     """Follows the error of the mesh in the lowest modes of a body that is alone in its scene.
 
     Attributes:
@@ -41,19 +41,19 @@ class Swing:
     """
 
     def __init__(
-        self, outside: Outside, richer: System, prolong: csr_matrix, mass: FloatArray, drag: float, dampers: Elastic
+        self, loads: ExternalLoads, richer: System, prolong: csr_matrix, mass: FloatArray, drag: float, dampers: Elastic
     ) -> None:  # fmt: skip
         """Prepare.
 
         Args:
-            outside: Has the body on its own mesh.
+            loads: Has the body on its own mesh.
             richer: The body on the richer mesh.
             prolong: P, shape (nodes of the richer mesh, nodes of the own one).
             mass: Of nodes of the richer mesh [kg], shape (nodes,).
             drag: a of the force -a M v [1/s].
             dampers: Have those of the body.
         """
-        self._outside, self._richer, self._prolong, self._mass = outside, richer, prolong, mass
+        self._loads, self._richer, self._prolong, self._mass = loads, richer, prolong, mass
         self._inertia = prolong.T @ prolong.multiply(mass[:, None]).tocsr()
         self._drag, self._dampers, self.damping = drag, dampers, np.zeros(0)
 
@@ -97,7 +97,7 @@ class Swing:
 
     def _find_modes(self, state: State, fine: State) -> None:
         """Find the modes and E; there are none where an equilibrium is not stable, or they are not found."""
-        own, system, richer = self._outside.placed(state), self._outside.system, self._richer
+        own, system, richer = self._loads.placed(state), self._loads.system, self._richer
         system.assemble(own, project=False)
         stable = system.factor() and richer.factored
         found, answers = none(system), np.zeros((0, *richer.rest.shape))
@@ -126,7 +126,7 @@ class Swing:
         """Return the moves of the richer mesh [m] under a force on the own one [N], overwritten, shapes (nodes, 3)."""
         richer = self._richer
         found, reduced = np.zeros_like(richer.rest), np.zeros(richer.unknowns)
-        self._outside.spread(force, own, fine, found)
+        self._loads.spread(force, own, fine, found)
         richer.reduction.gradient(found, reduced, np.zeros_like(richer.torques))
         found[:] = 0.0
         richer.reduction.moves(richer.linear.solve(reduced), richer.lever, found)

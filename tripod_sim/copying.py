@@ -1,4 +1,4 @@
-"""What is copied with all that it remembers."""
+"""Objects that copies share no state with."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -7,8 +7,8 @@ import numpy as np
 
 
 @dataclass(eq=False)
-class Copied:
-    """What remembers arrays, numbers and others of its kind, and is copied with all of them."""
+class Copyable:
+    """Has arrays, numbers and others of its kind as attributes; `copy` copies all of them."""
 
     def copy_to(self, other: Self) -> None:
         """Overwrite `other` with this, without allocating; a part that only one of them has stays as it is."""
@@ -16,7 +16,7 @@ class Copied:
             value, old = getattr(self, name), getattr(other, name)
             if isinstance(value, np.ndarray):
                 old[:] = value
-            elif not isinstance(value, Copied) and not isinstance(old, Copied):
+            elif not isinstance(value, Copyable) and not isinstance(old, Copyable):
                 setattr(other, name, value)
             elif value and old:
                 value.copy_to(old)
