@@ -10,6 +10,7 @@ from tests.scenes import SHARP
 from tests.sim.implicit_schemes import IMPLICIT, scheme_of
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.integrators.chord_predictor import ChordPredictor
+from tripod_sim.integrators.one_solve import OneSolve
 
 WORKING = ("servos.angles=[-1.4965, -1.4965, -1.4965]", "servos.slide=0.035")
 
@@ -170,6 +171,24 @@ def test_a_forecast_belongs_to_one_length_and_one_factorisation() -> None:
     left_over.note(missed)
     left_over.drop()
     np.testing.assert_array_equal(left_over.forecast(0.005), 0.0)
+
+
+def test_level_and_slope_take_their_shares_of_what_was_missed() -> None:
+    """l' = p + 0.8 m, s' = s + 0.2 m, p' = l' + s'; before that p is the first m."""
+    predictor, first, then = ChordPredictor(2), np.array([4.0, -8.0]), np.array([1.0, 5.0])
+    predictor.forecast(0.01)
+    for missed in (first, then, then):
+        predictor.note(missed)
+    level = first + 0.8 * then + 0.2 * then
+    np.testing.assert_allclose(predictor.forecast(0.01), level + 0.8 * then + 0.4 * then, rtol=1e-14)
+
+
+@pytest.mark.parametrize(("length", "share"), [(0.001, 0.2), (0.005, 1.0), (0.02, 1.0)])
+def test_steps_shorter_than_5_ms_are_solved_as_much_better(length: float, share: float) -> None:
+    system = Simulation(load_scene("silicone", ["mesh.level=1"]))._system
+    solver = OneSolve(system, 1e-6, 25, near=1e-5)
+    solver._begin(length)
+    assert solver.near == pytest.approx(share * 1e-5, rel=1e-12)
 
 
 def test_a_restored_state_knows_nothing_of_what_was_left_over() -> None:

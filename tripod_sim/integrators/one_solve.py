@@ -8,8 +8,8 @@ once and corrected:
 p the forecast of `chord_predictor`. x1 misses about |m|, and the step ends there if that is below `near`: a length, and
 for every node; what it misses is left to the next step. A is kept from an earlier pose, and every solve with it leaves
 some part q of what it was to take away, known where a solve and what it left both are: q = |p + m| / |x1 - x|. So x2
-misses about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be in
-balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
+misses about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be
+in balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
 Where x2 is not near enough it is evaluated and corrected in turn, as in Newton's method. The tangent is renewed in a
 step where it halves neither the residual nor, where that is small, the correction (the natural monotonicity test for a
 kept tangent, by Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1: in stiff directions the residual
@@ -49,7 +49,7 @@ class OneSolve(Newton):
         """As `Newton`; `near`: how far any node may be from the solution of a step [m]."""
         super().__init__(system, tolerance, max_iterations)
         self.near = self._asked = near
-        self._left_over = ChordPredictor(system.unknowns)
+        self._predictor = ChordPredictor(system.unknowns)
         self._forecast: FloatArray | None = None  # p, until it has been judged
         self._correction: FloatArray | None = None  # m, until it is used
         self._missed, self._far = np.zeros_like(system.rest), 0.0  # what m moves, and the largest of it [m]
@@ -58,22 +58,22 @@ class OneSolve(Newton):
     def forget(self) -> None:
         """As `Newton.forget`."""
         super().forget()
-        self._left_over.drop()
+        self._predictor.drop()
 
     def _begin(self, length: float | None) -> None:
-        self._forecast, self._correction = self._left_over.forecast(length), None
+        self._forecast, self._correction = self._predictor.forecast(length), None
         self._steps = 0
         if length and not self.store:  # who keeps several lengths says for each how near
             self.near = self._asked * min(1.0, length / self.SWING)
 
     def _renew(self, state: State, report: NewtonReport) -> float:
-        self._left_over.drop()
+        self._predictor.drop()
         self._forecast = self._correction = None
         return super()._renew(state, report)
 
     def _serves(self, report: NewtonReport) -> bool:
         if not self._steps:
-            self._left_over.drop()
+            self._predictor.drop()
         self._age = 0 if report.factorisations else self._age + 1
         return report.iterations <= 1 or self._age < self.OLD
 
@@ -118,13 +118,13 @@ class OneSolve(Newton):
         trusted = size < self.TRUSTED * before or (self._is_small() and far < self.TRUSTED * self._moved)
         if trusted and far <= self.near:
             if self._forecast is not None:
-                self._left_over.note(correction)
+                self._predictor.note(correction)
             return True
         left = 0.0
         if self._forecast is not None:
             system.reduction.moves(self._forecast + correction, system.lever, missed)
             left = largest(missed)
-            self._left_over.note(correction)
+            self._predictor.note(correction)
             self._forecast = None
             system.reduction.moves(correction, system.lever, missed)
         left = max(left, far)
