@@ -11,7 +11,7 @@ not here.
    other poses with the mean difference removed, and where the moduli of each element go to.
 2. The same from all poses of the makers' model, as if it were measured.
 3. The scene meets data with two motors exchanged, with their range or that of the places shrunk by 10 %: scored as it
-   is, with the modulus looked for anew, and with what is known of it.
+   is, with the modulus looked for again, and with what is known of it.
 """
 
 import argparse

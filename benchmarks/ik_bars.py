@@ -5,7 +5,7 @@ and another element. It is identified; then 10 targets are drawn within the rang
 them by the identified model are taken, and the 90 % bars of x, y and z there are held against
 
 - the posterior: 50 robots whose values and amounts of mesh error are drawn from it together, and whose poses are
-  computed anew with these values (the bars are linear in them);
+  computed again with these values (the bars are linear in them);
 - the robot itself, computed with its own mesh and values.
 
 Of each target, angles that lead to it are known, since it is where the model stands with them.

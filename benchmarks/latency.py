@@ -7,7 +7,7 @@ the joints rest, so that the first difference is the key's. Times are of the wal
 
 For STOP, an operator of this program keeps the servos moving, and goes on sending after it. Another one says STOP: by
 the space key of `tripod teleop`, or by a message such as page, `tripod up` and `ros2 topic pub` send. What both stamp
-is drawn anew each time: now, an hour ago, an hour or 30 years ahead, nothing. A STOP is timed from its byte, or its
+is drawn again each time: now, an hour ago, an hour or 30 years ahead, nothing. A STOP is timed from its byte, or its
 publication, to the arrival of the last packet whose numbers differ; `--busy N` keeps N processors busy meanwhile.
 """
 

@@ -1,7 +1,7 @@
 """The steps that make `.venv`: the environment, the pinned packages, the messages, the simulator's loops compiled.
 
 Each step is done once for its inputs (see `state.py`). One that was interrupted while it wrote into `.venv` leaves
-unknown things there, so `.venv` is then made anew; the messages alone are simply built again.
+unknown things there, so `.venv` is then made again; the messages alone are simply built again.
 """
 
 import fcntl
@@ -189,19 +189,19 @@ def _is_sound(state: SetupState, key: str, ros: RosSource) -> bool:
     if not (VENV / "bin" / "python").exists():
         return False
     if state.interrupted in {"environment", "packages"}:
-        print("setup: the last set-up was interrupted; making .venv anew")
+        print("setup: the last set-up was interrupted; making .venv again")
         return False
     if state.is_done("environment", key):
         return True
     if state.known:
-        print("setup: Python, ROS or the place of the checkout changed; making .venv anew")
+        print("setup: Python, ROS or the place of the checkout changed; making .venv again")
         return False
     words = [str(VENV / "bin" / "python"), "-c", "import pip, sys; print(sys.version)"]
     result = subprocess.run(words, env=_environ(), capture_output=True, text=True, check=False)
     config = (VENV / "pyvenv.cfg").read_text(encoding="utf-8") if (VENV / "pyvenv.cfg").exists() else ""
     sees_system = "include-system-site-packages = true" in config
     if result.returncode or result.stdout.strip() != sys.version or sees_system != bool(ros.sourced):
-        print("setup: .venv does not work or is of another kind; making it anew")
+        print("setup: .venv does not work or is of another kind; making it again")
         return False
     state.finish("environment", key)
     return True

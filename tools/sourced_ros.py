@@ -2,7 +2,7 @@
 
 `install` copies this file into the environment's site-packages with a `.pth` that imports it whenever its Python
 starts. The dynamic linker reads LD_LIBRARY_PATH only when a process begins, so a Python that lacks an entry starts
-itself anew with it, once; its child processes inherit the result. What the shell has set comes first.
+itself again with it, once; its child processes inherit the result. What the shell has set comes first.
 """
 
 import json
@@ -25,7 +25,7 @@ def completed(environ: Mapping[str, str], entries: Mapping[str, list[str]]) -> d
 
 
 def restart_if_incomplete() -> None:
-    """Start this Python anew if its environment lacks an entry that `install` noted."""
+    """Start this Python again if its environment lacks an entry that `install` noted."""
     entries = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
     environ = completed(os.environ, entries)
     if environ != dict(os.environ):

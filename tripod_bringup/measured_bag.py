@@ -87,7 +87,7 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
 
 
 def _in_gap(commands: FloatArray, times: FloatArray) -> NDArray[np.bool_]:
-    """Return which of `times` lie where nothing was commanded for long, as while a driver is started anew."""
+    """Return which of `times` lie where nothing was commanded for long, as while a driver is started again."""
     gaps = np.diff(commands, append=commands[-1])
     longest = max(STILL, RARE * float(np.median(gaps)))
     return gaps[np.clip(np.searchsorted(commands, times, side="right") - 1, 0, len(gaps) - 1)] > longest

@@ -38,7 +38,7 @@ REPEAT = 0.2
 """How often operators repeat a decision that is in force [s]."""
 
 RETURN = 4.0
-"""An operator that is heard again within this time after its lease ended [s] goes on; later it has to decide anew."""
+"""An operator that is heard again within this time after its lease ended [s] goes on; later it has to decide again."""
 
 PAUSE = 2.0
 """An overruled decision that is still repeated at shorter intervals than this [s] is the old one, not a new one."""
@@ -122,7 +122,7 @@ class ModeTracker:
     - A decision holds for its lease after it was last heard. Then its operator is lost, which is a STOP. If it is
       heard again within `RETURN` [s], it goes on.
     - A decision that is repeated after it was overruled stays overruled: a new one has another stamp. The repetitions
-      of a source that stamps each of them anew must pause for `PAUSE` [s] first, unless that source itself had changed
+      of a source that stamps each of them again must pause for `PAUSE` [s] first, unless that source itself had changed
       to a mode other than STOP.
 
     In the modes TELEOP and REPLAY the commands of the operator in charge are obeyed, in mode IK those of inverse

@@ -333,7 +333,7 @@ def hopeless(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Pri
 def profile(
     fit: Fit, problem: Problem, j: int, priors: Mapping[str, Prior] | None = None
 ) -> tuple[float, float]:
-    """Return the interval of one u by the profile of the sum: all others are fitted anew at each of its values.
+    """Return the interval of one u by the profile of the sum: all others are fitted again at each of its values.
 
     The ends are where twice the sum, over mean(psi²) / mean(psi'), has grown by the square of Student's quantile; by as
     many times more as the variance is longer because errors hang together. They need not be as far to both sides, as

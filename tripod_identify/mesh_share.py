@@ -184,11 +184,11 @@ def _solve(
         (B^T B / s² + 1 - N^T P N) (c - m) = B^T (z - B m) / s² - N^T P (A^T z / s² - N m),    N = A^T B / s²,
 
     and du = -P N c; the rest of it, P A^T z / s², is what the fit has left undone, and nothing but its tolerance.
-    The fit has taken for noise what B explains, so s² is found anew from what is left, over the numbers less those that
+    The fit has taken for noise what B explains, so s² is found from what is left, over the numbers less those that
     u and c use up: their count less the trace of the covariance of c [MacKay1992]. Where they use up all, nothing is
     left that tells noise apart, so what the fit took for it counts along, as `FEW` numbers.
 
-    Errors of a motion hang together: those of size one have the covariance R (`together`), found anew from what is left
+    Errors of a motion hang together: those of size one have the covariance R (`together`), found from what is left
     as well. u and c are the same linear functions of the data; with Q = B - A P N and S the covariance of c above, c
     then has S + S Q^T (R - 1) Q S / s², the noise of u P + P A^T (R - 1) A P / s², and both P A^T (R - 1) Q S / s².
     """

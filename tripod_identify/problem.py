@@ -68,7 +68,7 @@ class Problem:
         self, base: Told, wanted: Sequence[Parameter], measured: Measured, points: Sequence[Point],
         progress: Progress | None = None,
     ) -> None:  # fmt: skip
-        """`progress`: told the share of the rows that is done, each time anew.
+        """`progress`: told the share of the rows that is done, each time again.
 
         Raises DataError where a value has nothing to do with the data.
         """

@@ -62,7 +62,7 @@ class ModelError:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew without a correction."""
+        """Begin again without a correction."""
         self._model = History[tuple[FloatArray, FloatArray]]()
         self.shift, self.tilt = np.zeros(3), np.zeros(3)
         self._last: float | None = None

@@ -89,7 +89,7 @@ class LoadObserver:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: tare again."""
+        """Start again: tare first."""
         self._model = History[tuple[FloatArray, FloatArray, FloatArray]]()
         self._rows: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._tare: FloatArray | None = None

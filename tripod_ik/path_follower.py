@@ -69,7 +69,7 @@ class PathFollower:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, without a way."""
+        """Begin again, without a way."""
         self._stops: list[FloatArray] = []
         self._question: tuple[LinearState, Sequence[Task], Sequence[LinearState]] | None = None
         self._target = np.zeros(0)

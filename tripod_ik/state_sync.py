@@ -1,6 +1,6 @@
 """Where simulated and real servos stand apart, the simulated ones go to the real ones, not the other way. Pure.
 
-Inverse kinematics goes on from where the simulator says that the servos are. A simulator that was reset, begun anew
+Inverse kinematics goes on from where the simulator says that the servos are. A simulator that was reset, begun again
 with other settings, or started after the driver, says that they are where it begins: the robot would be sent there.
 """
 
@@ -10,7 +10,7 @@ from tripod_host.arrays import FloatArray
 
 LEAP, FASTEST = 0.2, 10.0
 """A simulated servo that is farther on than LEAP [rad], and faster than FASTEST [rad/s], did not turn: the simulator
-has begun anew."""
+has begun again."""
 
 NEAR = 0.05
 """Servos that are no farther apart [rad] stand at the same place: one lags behind, or yields to its load."""

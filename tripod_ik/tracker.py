@@ -154,7 +154,7 @@ class Tracker:
         self.start()
 
     def resize(self, n: int) -> None:
-        """Be for `n` servos, anew unless it is the first time; `update` does it where it finds another number."""
+        """Be for `n` servos, again unless it is the first time; `update` does it where it finds another number."""
         if self._servos:
             self.start()
         self._servos = n
@@ -211,7 +211,7 @@ class Tracker:
         self._motion.add(target, now)
 
     def start(self) -> None:
-        """Begin anew from the angles of the next state."""
+        """Begin again from the angles of the next state."""
         self._previous: FloatArray | None = None
         self._torque: FloatArray | None = None
         self._sides: tuple[FloatArray, FloatArray] | None = None

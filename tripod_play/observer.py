@@ -69,7 +69,7 @@ class Observer:
         self.start(np.zeros(2))
 
     def start(self, position: FloatArray) -> None:
-        """Begin anew with a ball at rest at `position` [m], shape (2,)."""
+        """Begin again with a ball at rest at `position` [m], shape (2,)."""
         self._past = np.zeros((3, 2))
         self._past[0] = position
         self._asked: deque[FloatArray] = deque([np.zeros(2)] * (self._steps + 1), maxlen=self._steps + 1)

@@ -49,7 +49,7 @@ class Player:
         self._tilt = np.zeros(2)
 
     def start(self, position: FloatArray) -> None:
-        """Begin anew with a ball at rest at `position` [m], shape (2,), in the plate's frame."""
+        """Begin again with a ball at rest at `position` [m], shape (2,), in the plate's frame."""
         self.observer.start(position)
         self._started, self._tilt = True, np.zeros(2)
 

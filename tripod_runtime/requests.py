@@ -22,8 +22,8 @@ class Request:
 
     Attributes:
         do: One of `PLAIN`, `effect` or `accuracy`.
-        effect, on: Which effect to start anew with, or without.
-        accuracy: Which accuracy to start anew with.
+        effect, on: Which effect to start again with, or without.
+        accuracy: Which accuracy to start again with.
     """
 
     do: str

@@ -18,13 +18,13 @@ from tripod_sim.system import System
 from tripod_sim.system_kernels import write_moves
 
 FAR = 0.2
-"""Turn of a servo [rad] between two compliances after which the state of rest begins anew from the moving one."""
+"""Turn of a servo [rad] between two compliances after which the state of rest begins again from the moving one."""
 
 SLID = 1e-4
 """The same for the slide [m]."""
 
 WIDE = 5e-3
-"""A correction that moves a node farther than this [m] is no small one: it begins anew next time."""
+"""A correction that moves a node farther than this [m] is no small one: it begins again next time."""
 
 MISSED = 5e-5
 """A correction that moves a node farther than this [m] is followed by another one at once."""
@@ -44,7 +44,7 @@ class RestState:
         self._turning: FloatArray | None = None
 
     def forget(self) -> None:
-        """Begin anew from the next moving state."""
+        """Begin again from the next moving state."""
         self._state = self._turning = None
 
     def carried(self, moving: State) -> State:
@@ -79,7 +79,7 @@ class RestState:
         Args:
             turning: Of all unknowns to the angles, shape (unknowns, s).
             fall: Of all unknowns to the unbalanced forces, shape (unknowns,).
-            stable: Whether the tangent there is positive definite; else it begins anew next time.
+            stable: Whether the tangent there is positive definite; else it begins again next time.
         """
         if self._state is None or self._trial is None:
             return

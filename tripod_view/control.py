@@ -131,7 +131,7 @@ class Control:
             self._follow_measured(now)
 
     def narrow(self, limits: CommandLimits) -> None:
-        """Keep to `limits` from now on; with another number of servos everything begins anew."""
+        """Keep to `limits` from now on; with another number of servos everything begins again."""
         if limits.count != self.limits.count:
             self._end_motion()
             self._measured, self._measured_at, self._keys = None, float("-inf"), ()

@@ -123,7 +123,7 @@ class Display:
         self._maze, self._maze_changed = maze, True
 
     def keep_ball_shape(self, radius: float | None) -> None:
-        """Keep the radius of the ball [m], or that there is none; its pose is then awaited anew."""
+        """Keep the radius of the ball [m], or that there is none; its pose is then awaited again."""
         self.ball = None
         self._ball_radius, self._ball_shape_changed = radius, True
 
@@ -252,7 +252,7 @@ class Display:
             self._scene.set_effector(moment.effector)
         if moment.ball is not None:
             self._scene.game.place_ball(moment.ball)
-        self._drawn_joints = None  # the present is drawn anew
+        self._drawn_joints = None  # the present is drawn again
         self._effector_changed = self._ball_changed = True
 
     def _draw_game(self) -> None:

@@ -1,6 +1,6 @@
 """Who is let in to the page: whoever knows its address, and no web page of another site. Pure.
 
-The address ends in a token that is drawn anew each time. A browser sends it only where the page's own address was
+The address ends in a token that is drawn again each time. A browser sends it only where the page's own address was
 opened, so that a web page of another site or of another port, framed or not, and another user of the machine, reach
 neither the page nor its websocket; and a name that somebody else's server resolves to this machine opens nothing.
 """

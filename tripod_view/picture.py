@@ -67,7 +67,7 @@ class Picture:
         maze: None for none.
         ball: Whether there is one.
         note: What is not drawn; empty where all is.
-        changes: Overrides with which it was started anew.
+        changes: Overrides with which it was started again.
         accuracy: What accuracies cost, as the simulator tells.
         effects: Those of the scene, and those that it could have, as the simulator tells.
     """

@@ -215,7 +215,7 @@ def test_stop_service_and_stop_mode_hold_at_once_until_the_mode_changes(
 def test_a_late_driver_obeys_the_newest_decision_of_all_operators_and_any_stop(
     board, operator, client, start_driver
 ) -> None:
-    """A STOP that is still said counts, however old: the operator then decides anew."""
+    """A STOP that is still said counts, however old: the operator then decides again."""
     others = [Operator(client) for _ in range(3)]
     operator.mode(Mode.IK, stamp=2000.0, source="/a")  # the newest decision was published first
     for k, (other, stamp) in enumerate(zip(others[:2], (1000.0, 1500.0), strict=True)):

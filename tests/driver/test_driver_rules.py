@@ -250,7 +250,7 @@ def test_an_operator_that_was_lost_and_is_back_does_not_undo_a_stop_by_service(l
     assert min(bench.angles) >= -0.5 - RESOLUTION  # held, or parked
     assert_names(bench.safety.message, "service")
     bench.hear(Decision(Mode.STOP, "another"))
-    bench.hear(replace(teleop, stamp=bench.now))  # decided anew
+    bench.hear(replace(teleop, stamp=bench.now))  # decided again
     bench.goto(-1.0, -1.0, -1.0)
     bench.run(0.6)
     assert bench.angles == pytest.approx([-1.0] * 3, abs=RESOLUTION)

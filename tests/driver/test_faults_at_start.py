@@ -115,7 +115,7 @@ def test_another_version_of_the_protocol_is_a_fault() -> None:
     bench.board.version = VERSION
     bench.run(3.0)
     assert bench.port.opened == 1  # nobody tries again by himself
-    bench.driver.connect()  # somebody has flashed it and configured the driver anew
+    bench.driver.connect()  # somebody has flashed it and configured the driver again
     bench.run(0.2)
     assert bench.safety.state is State.HOLDING
 

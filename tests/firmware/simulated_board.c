@@ -45,7 +45,7 @@ static void add_edge(struct board *b, uint32_t servo, uint32_t value)
         b->edges[b->edge_count++] = (struct edge){b->avr->cycle, servo, high};
 }
 
-// simavr drives a compare output also when the timer overflows or is set anew, as the fast PWM modes do: high if it is to
+// simavr drives a compare output also when the timer overflows or is set again, as the fast PWM modes do: high if it is to
 // be cleared on a match, low if it is to be set. In the normal mode, which the firmware uses, only matches count.
 static void on_match(struct board *b, uint32_t servo, uint32_t value, int shift)
 {

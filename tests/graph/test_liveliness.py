@@ -85,7 +85,7 @@ def test_one_that_is_known_but_silent_is_none(bench: Bench) -> None:
     ids=["one after the other", "in turns", "begun together"],
 )
 def test_who_takes_the_place_of_another_does_not_mix(numbers: list[int], mixed: bool) -> None:
-    """A publisher is still known for a while after it has gone, as when the simulator begins anew."""
+    """A publisher is still known for a while after it has gone, as when the simulator begins again."""
     mix = Mix(SimpleNamespace(count_publishers=lambda topic: 2), "sim/status")
     for number in numbers:
         mix.hear({"publication_sequence_number": number})

@@ -57,7 +57,7 @@ def test_a_point_on_the_platform_moves_as_one_in_its_frame() -> None:
 
 
 def test_legs_are_bent_once_and_it_is_shown() -> None:
-    """States of one modulus serve those of another; bending the legs anew would take as long as many poses."""
+    """States of one modulus serve those of another; bending the legs again would take as long as many poses."""
     scene, data, shown = load_scene(SCENE, COARSE), poses(3), list[float]()
     told = plainly(scene)
     joints = told.joints(data.joints(scene))

@@ -20,7 +20,7 @@ def solver(*limits: TorqueLimit) -> InverseSolver:
 
 
 def test_a_search_that_no_step_betters_by_much_ends() -> None:
-    """Close to the end of the equilibria each step is shortened anew; 64 programs come no closer."""
+    """Close to the end of the equilibria each step is shortened again; 64 programs come no closer."""
     found = solver().solve([PositionTask(np.array([0.03, 0.0, -0.006]))], everywhere=True)
     assert found.outcome is Outcome.CLOSEST
     assert found.residual < 17.7e-3

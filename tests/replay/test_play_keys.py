@@ -90,7 +90,7 @@ def test_space_pauses_and_goes_on_keys_step_and_q_ends(shown: Shown) -> None:
     shown.said = ""
     for _ in range(5):
         shown.read()
-    assert shown.said == "", "it stands, and nothing is drawn anew"
+    assert shown.said == "", "it stands, and nothing is drawn again"
     shown.press(b"\x1b[200~q q\x1b[201~")  # pasted
     for key in (b".", b"\x1b[C", b"\x1bOC"):
         shown.press(key)

@@ -1,4 +1,4 @@
-"""What is asked of a running simulator: read, refused, and done by the node, which begins anew where it must."""
+"""What is asked of a running simulator: read, refused, and done by the node, which begins again where it must."""
 
 import json
 import os

@@ -205,7 +205,7 @@ def test_where_nothing_touches_the_motion_is_that_of_the_scheme_without_contact(
 
 
 def pressed_mass(scheme: str, steps: int) -> tuple[float, int]:
-    """Return the height at 0.3 s of a mass on a spring on a node that the plate carries, and the steps begun anew."""
+    """Return the height at 0.3 s of a mass on a spring on a node that the plate carries, and the steps begun again."""
     law, k, mass, length = Law(tolerance=1e-7), 200.0, 0.5, 0.2
     nodes = np.array([[0.1, 0.2, law.distance], [0.1, 0.2, law.distance + length]])
     body = SpringBody(

@@ -89,7 +89,7 @@ def test_it_does_with_every_scheme(scheme: str) -> None:
 
 
 def shuffled(seed: int) -> Change:
-    """Return what numbers nodes and elements anew."""
+    """Return what numbers nodes and elements again."""
 
     def change(nodes: np.ndarray, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rng = np.random.default_rng(seed)

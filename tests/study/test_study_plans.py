@@ -154,7 +154,7 @@ def test_the_shipped_studies_are_whole() -> None:
 
 
 def test_the_static_tripod_has_three_settings_on_the_front_and_sofa_is_far_off() -> None:
-    """What the shipped study must show; a study measured anew that does not is a finding, not a nuisance."""
+    """What the shipped study must show; a study measured again that does not is a finding, not a nuisance."""
     static = next(r for r in accuracy_docs.studies() if r["study"] == "tripod_static")
     errors = [static["points"][i]["error"] for i in static["front"]]
     assert sum(0.001 < e < 0.1 for e in errors) >= 3

@@ -16,14 +16,14 @@ class JointHessian:
     """Bodies and contacts in one matrix, which is factored as one.
 
     Contacts with what is fixed fit in the pattern of the bodies. As soon as one that presses does not, the pattern is
-    made anew, with places for all contacts at hand: then it serves for some steps, for those that press are few of
+    made again, with places for all contacts at hand: then it serves for some steps, for those that press are few of
     those that are near.
 
     Attributes:
         bodies: Pattern of the bodies, upper triangle, CSC; its `data` is theirs alone.
         bare: Solves with the bodies alone.
         linear: Solves with bodies and contacts.
-        analyses: How often a pattern was made anew.
+        analyses: How often a pattern was made again.
     """
 
     def __init__(self, bodies: Any) -> None:
@@ -69,7 +69,7 @@ class JointHessian:
         return bool(kernels.add_hessian(contacts.arrays, contacts.count, u, *self._arrays))
 
     def _widen(self, contacts: ContactSet) -> None:
-        """Make the pattern anew: that of the bodies, and places for all `contacts`."""
+        """Make the pattern again: that of the bodies, and places for all `contacts`."""
         n, found = self.bodies.shape[0], np.empty((16 * contacts.count * 4, 2), dtype=np.int64)
         found = found[: kernels.pairs(contacts.arrays, contacts.count, found)]
         blocks = distinct(found[:, 1] * n + found[:, 0])

@@ -33,7 +33,7 @@ class ChordPredictor:
         _learn(self._forecast, self._slope, self._forecast, LEVEL, SLOPE)  # compiled before it is needed
 
     def drop(self) -> None:
-        """Begin anew: the factorisation is another one."""
+        """Begin again: the factorisation is another one."""
         if self._known:
             self._forecast[:] = 0.0
             self._slope[:] = 0.0

@@ -136,7 +136,7 @@ class ExplicitSteps:
         )  # fmt: skip
 
     def forget(self) -> None:
-        """Measure growth and frequency anew from the next step on."""
+        """Measure growth and frequency again from the next step on."""
         self._start_energy = None
         self._frequency.forget()
         if self._damping:

@@ -44,7 +44,7 @@ class LargestFrequency:
         self._vector: FloatArray | None = None
 
     def forget(self) -> None:
-        """Begin anew at the next call."""
+        """Begin again at the next call."""
         self._vector = None
 
     def largest(self, state: State) -> float:

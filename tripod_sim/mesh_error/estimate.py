@@ -117,7 +117,7 @@ class MeshError:
         system.take(self._loads)
 
     def start(self, state: State) -> MeshErrorReport:
-        """Begin anew with `state`: bring the richer mesh to its rest there; return the error there.
+        """Begin again with `state`: bring the richer mesh to its rest there; return the error there.
 
         It goes there from where it is undeformed along with the body: whatever equilibrium that is in, it comes to the
         one beside.
@@ -144,7 +144,7 @@ class MeshError:
     def carry_steps(self) -> bool:
         """Carry the error of the time steps in the modes in which that of the mesh swings, and say so, if that can be.
 
-        It then costs no linear solve, as little as that of the mesh. It begins anew.
+        It then costs no linear solve, as little as that of the mesh. It begins again.
         """
         errors, modal = self._simulated.errors, self._modal_error
         if not (errors and modal and len(modal.modes.squares)):

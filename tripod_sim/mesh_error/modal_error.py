@@ -58,7 +58,7 @@ class ModalError:
         self._drag, self._dampers, self.damping = drag, dampers, np.zeros(0)
 
     def start(self, state: State, fine: State) -> None:
-        """Begin anew at `state`, where the richer mesh rests as `fine` and is factored; nothing swings yet."""
+        """Begin again at `state`, where the richer mesh rests as `fine` and is factored; nothing swings yet."""
         self._find_modes(state, fine)
         self._time, self._length, self._velocities = state.time, 0.0, state.velocities.copy()
         self._moving = bool(state.velocities.any())

@@ -37,7 +37,7 @@ class Chooses(Remembers[WayState], Protocol):
     """What chooses the steps of bodies and of a ball."""
 
     def ball_starts(self, state: State) -> None:
-        """Take notice that the ball of `state` begins anew."""
+        """Take notice that the ball of `state` begins again."""
 
 
 @dataclass(frozen=True, eq=False)

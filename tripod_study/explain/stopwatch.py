@@ -63,7 +63,7 @@ class Stopwatch:
         self._within, self._around = max(0.0, best[0] / CALLS), max(0.0, best[1] / CALLS)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Begin again."""
         n = len(self.stages)
         self._raw[:], self.calls[:], self._made[:] = [0.0] * n, [0] * n, [0] * n
         self._stack[:], self._mark = [0], self._clock()

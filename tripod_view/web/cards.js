@@ -79,7 +79,7 @@ function effects() {
   const reasons = element("div", { class: "small", id: "barred" });
   const without = place(element("details", { class: "inner" }), [element("summary", {}, "not possible in this scene"), reasons]);
   const changes = element("p", { class: "small" });
-  const shipped = button("As shipped", () => send({ sim: "as_shipped" }), "Start anew without what was changed here");
+  const shipped = button("As shipped", () => send({ sim: "as_shipped" }), "Start again without what was changed here");
   listen("effects", (list) => {
     on.replaceChildren(...list.filter((effect) => effect.on).map(chip));
     off.replaceChildren(...list.filter((effect) => !effect.on && !effect.why_not).map(chip));
