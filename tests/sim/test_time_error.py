@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from tests.scenes import SHARP
 from tests.sim.implicit_schemes import IMPLICIT
 from tripod_sim import Simulation, load_scene
+from tripod_sim.integrators.time_error import ErrorTransport
 from tripod_study.run import run
 
 SCHEMES = IMPLICIT
@@ -193,3 +196,15 @@ def test_absent_it_is_not_imported_and_allocates_nothing() -> None:
         "assert not absent & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("still", "known", "local", "moved"), list(product((True, False), (1, 2), (False, True), (False, True)))
+)
+def test_only_a_known_and_still_error_of_a_body_at_rest_stays_as_it_is(
+    still: bool, known: int, local: bool, moved: bool
+) -> None:
+    state, start = SimpleNamespace(still=still, known=known, length=0.0), np.zeros((2, 3))
+    rests = ErrorTransport.rests(SimpleNamespace(local=local), state, start, start + moved, 0.01)
+    assert rests == (still and known == 2 and not local and not moved)
+    assert state.length == (0.01 if rests else 0.0)
