@@ -7,6 +7,7 @@ import pytest
 
 from tests.messages import names, raises_naming
 from tripod_sim import Simulation, StepError, load_scene
+from tripod_sim.integrators import force_kernels
 
 ORDERS = {"explicit_euler": 1, "semi_implicit_euler": 1, "rk4": 4}
 DRAG, FALL = 8.0, -9.81
@@ -131,3 +132,11 @@ def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
     assert any(names(caught.value, fault) for fault in ("turned inside out", "crushed", "blown up"))
     assert np.isfinite(simulation.positions).all()
     assert 0 < flagged <= simulation.state.step
+
+
+def test_modes_are_balanced_where_their_force_is_a_share_of_all_components_of_the_nodes_forces() -> None:
+    g, floor = np.array([[3.0, -1.0, 0.5], [0.0, 2.0, -4.0]]), 0.25
+    limit = force_kernels.BALANCED**2 * (floor + (g**2).sum())
+    assert force_kernels._balanced(0.999 * limit, g, floor)
+    assert not force_kernels._balanced(1.001 * limit, g, floor)
+    assert force_kernels._balanced(np.nan, g, floor)  # nothing is to be gained there
