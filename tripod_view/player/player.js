@@ -355,7 +355,7 @@ class Plot {
     pen.lineWidth = 1;
     line("#222", [], [x(time), 0], [x(time), h]);
     pen.fillStyle = "#667"; pen.font = "11px system-ui, sans-serif";
-    const digits = clamp(2 - Math.floor(Math.log10(high - low)), 0, 6), words = (v) => (Number.isFinite(v) ? v.toFixed(digits) : "\u2013");
+    const digits = clamp(2 - Math.floor(Math.log10(high - low)), 0, 6), words = (v) => (Number.isFinite(v) ? v.toFixed(digits).replace(/^-(?=[0.]+$)/, "") : "\u2013");
     pen.fillText(words(high - pad), 3, 11);
     pen.fillText(words(low + pad), 3, h - 3);
     const [i] = film.at(time);
