@@ -89,7 +89,7 @@ def _do(keys: dict[str, str], state: SetupState, ros: RosSource, shell: Shell, b
         with _step(state, keys, "environment", "creating .venv"):
             _create_environment(ros, shell)
     if not state.is_done("packages", keys["packages"]):
-        with _step(state, keys, "packages", "installing the pinned packages (about 1 GB on disk)"):
+        with _step(state, keys, "packages", "installing the pinned packages (about 1.5 GB on disk)"):
             _install_libraries(shell)
             loops = _start_loops(shell)  # which needs no more than these, while pip keeps one processor busy
             beside.callback(loops.kill)
