@@ -480,6 +480,6 @@ def _error_words(study: StoredStudy, point: StoredPoint) -> str:
     rows = zip(_measured(point), expected(study, point), wide, (study.quantity, *study.others), strict=True)
     return ", and ".join(
         f"error about {percent(here)} (measured), expected below {percent(bound)} in {_other_cases(study)} (margin: "
-        f"{margin:g} times the error in the study), of: {what}"
+        f"{margin:g} times the difference from the reference, plus the error of the reference), of: {what}"
         for here, bound, margin, what in rows
     )
