@@ -10,6 +10,7 @@ from tests.messages import assert_names
 from tests.sim.contact_bodies import G, ball_on, balls, box, boxes_on_plate, plate, step
 from tests.sim.implicit_schemes import IMPLICIT, MULTISTEP
 from tests.tiers import sampled
+from tripod_sim.contact import impact_kernels
 from tripod_sim.contact.contact_solver import ContactSolver
 from tripod_sim.contact.impact_kernels import HELD, one_contact
 from tripod_sim.contact.response import Law
@@ -259,3 +260,12 @@ def test_a_lowered_restitution_is_told() -> None:
     )
     assert notes[0.0]["contact"]["lowered"] == 0.0
     assert not any("restitution" in note for note in notes[0.0].get("notes", ()))
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.9, 4.0, 5.5])
+def test_the_slope_of_the_slip_across_friction_is_its_derivative(angle: float) -> None:
+    half = np.random.default_rng(3).standard_normal((3, 3))
+    W, d, h = half @ half.T + np.eye(3), np.array([1.0, 0.4, -0.7]), 1e-6
+    before, _, _, _ = impact_kernels._slip(W, d, 0.5, angle - h)
+    after, _, _, _ = impact_kernels._slip(W, d, 0.5, angle + h)
+    assert impact_kernels._slip(W, d, 0.5, angle)[1] == pytest.approx((after - before) / (2 * h), rel=1e-7)
