@@ -131,7 +131,12 @@ class Job:
 
 
 def _failed(command: Sequence[str], code: int, tail: Sequence[str]) -> StepError:
-    """Return what to tell of a program that failed: where pip met no server, that alone, else its last lines."""
+    """Return what to tell of a program that failed: where pip met no server, that alone, else its last lines.
+
+    Raises KeyboardInterrupt if it was ended by Ctrl-C, which this process may not have seen.
+    """
+    if code in (128 + signal.SIGINT, -signal.SIGINT):
+        raise KeyboardInterrupt
     if "pip" in command and any(word in line for line in tail for word in UNREACHABLE):
         return StepError(
             "pip cannot reach the server of the Python packages, so nothing was installed; check the network (and "

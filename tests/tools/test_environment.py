@@ -297,6 +297,17 @@ def test_a_program_that_fails_is_quoted_and_logged(tmp_path: Path) -> None:
     os.close(shell.lock)
 
 
+@pytest.mark.parametrize("how", ["exit 130", "kill -INT $$"])
+def test_a_program_that_ctrl_c_ended_counts_as_interrupted_not_as_failed(how: str, tmp_path: Path) -> None:
+    shell = Shell(os.environ, tmp_path / "log", os.open(tmp_path, os.O_RDONLY))
+    with pytest.raises(KeyboardInterrupt):
+        shell.run("sh", "-c", how)
+    job = shell.start("sh", "-c", how)
+    with pytest.raises(KeyboardInterrupt):
+        job.end()
+    os.close(shell.lock)
+
+
 def test_pip_without_a_network_is_told_as_that_and_not_as_a_conflict(tmp_path: Path) -> None:
     nowhere = ("--retries", "1", "--target", tmp_path / "there")
     environ = {**os.environ, "PIP_CONFIG_FILE": os.devnull, "PIP_INDEX_URL": "http://127.0.0.1:9/simple"}
