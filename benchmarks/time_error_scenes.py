@@ -11,7 +11,6 @@ where the reference judges its accuracy. Whether it promises its accuracy is rea
 The cost of a run is its CPU time over that of the cheapest fixed step of any scheme that keeps the accuracy.
 """
 
-import argparse
 import json
 import sys
 import time
@@ -35,6 +34,7 @@ from benchmarks.time_promise import (
     KNOWN,
     SHIPPED,
     Case,
+    arguments,
     bar,
     between,
     block,
@@ -263,15 +263,7 @@ def missing(rows: Sequence[dict[str, Any]], scenes: int) -> tuple[str, bool, int
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--scenes", type=int, default=12, help="of each kind (default 12)")
-    parser.add_argument("--seed", type=int, default=202614000, help="of the first; the others follow")
-    parser.add_argument("--results", type=Path, default=Path("build/time_error_scenes/rows.jsonl"))
-    parser.add_argument("--report", action="store_true", help="print the tables of the results alone")
-    parser.add_argument("--write", action="store_true", help="write the table to docs/time_error.md, too")
-    options = parser.parse_args()
+    options = arguments(__doc__, "kind", 202614000, "build/time_error_scenes/rows.jsonl")
     rows = stored(options.results)
     if not options.report:
         print(f"calibration: 1000 x 1000 product {1e3 * calibration():.1f} ms", flush=True)

@@ -378,17 +378,20 @@ def missing(rows: Sequence[dict[str, Any]], scenes: int) -> tuple[str, int] | No
     return min(todo)[1:] if todo else None
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--scenes", type=int, default=12, help="of each kind that may promise (default 12)")
-    parser.add_argument("--seed", type=int, default=20261128, help="of the first; the others follow")
-    parser.add_argument("--results", type=Path, default=Path("build/time_promise.jsonl"))
+def arguments(text: str | None, kinds: str, seed: int, results: str) -> argparse.Namespace:
+    """Return the command line of a script that measures random scenes; `kinds`: of which there are so many."""
+    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=12, help=f"of each {kinds} (default 12)")
+    parser.add_argument("--seed", type=int, default=seed, help="of the first; the others follow")
+    parser.add_argument("--results", type=Path, default=Path(results))
     parser.add_argument("--report", action="store_true", help="print the table of the results alone")
     parser.add_argument("--write", action="store_true", help="write the table to docs/time_error.md, too")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Measure and print."""
+    options = arguments(__doc__, "kind that may promise", 20261128, "build/time_promise.jsonl")
     rows = stored(options.results)
     if not options.report:
         print(f"calibration: 1000 x 1000 product {1e3 * calibration():.1f} ms", flush=True)

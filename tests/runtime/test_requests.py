@@ -1,4 +1,4 @@
-"""What is asked of a running simulator: read, refused, and done by the node, which begins again where it must."""
+"""Requests to a running simulator: read, refused, or carried out by the node, which restarts where it must."""
 
 import json
 import os
