@@ -32,8 +32,8 @@ SPACING = 0.2
 
 SHORTEST = 0.025
 """Part of that below which the end of the equilibria is not looked for more closely [rad]. With half of a step no way
-leads from the flat piece, and none to all sheets at 12 mm of slide; with a quarter it hangs on how Newton's method goes
-which poses are found at 35 mm: 644 or 800, from 0.025 down to 0.012 always 827."""
+leads from the flat piece, and none to all sheets at 12 mm of slide; with a quarter the poses found at
+35 mm depend on the steps of Newton's method, 644 or 800; from 0.025 down to 0.012 there are 827."""
 
 BEYOND = -0.04
 """A pose whose predicted ρ² (see `SnapThroughLimit`) is below this is beyond a snap-through: trying would take long."""

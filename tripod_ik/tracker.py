@@ -154,7 +154,7 @@ class Tracker:
         self.start()
 
     def resize(self, n: int) -> None:
-        """Be for `n` servos, again unless it is the first time; `update` does it where it finds another number."""
+        """Prepare for `n` servos, from the start where it had others; `update` does it where their number changes."""
         if self._servos:
             self.start()
         self._servos = n

@@ -172,7 +172,7 @@ class RecordNode(Node):
         self.stop()
 
     def _look(self) -> None:
-        """Listen to new topics, again to those that offer less by now; notice that writing failed."""
+        """Listen to new topics; subscribe again to those that offer less by now; notice that writing failed."""
         if self._recorder is None:
             return
         if self._tell(self._recorder.progress):

@@ -49,7 +49,8 @@ def _promised(result: Mapping[str, Any]) -> list[str]:
         return []
     quantities = [q for k, q in enumerate(result["quantities"]) if k == 0 or q["promised"]]
     factors = margins(result["study"], len(quantities))
-    command, cases = ("ik", "poses") if result["cpu"] == "s per solve" else ("run", "motions")
+    command = "ik" if result["study"] == "ik" else "run"
+    cases = "poses" if result["cpu"] == "s per solve" else "motions"
     others = [f", {factor:g} for {q['what']}" for factor, q in zip(factors[1:], quantities[1:], strict=True)]
     return [
         f"`tripod {command} --accuracy` takes a more accurate setting than these: errors in other {cases} may be "

@@ -102,7 +102,7 @@ def test_poses_depend_on_nothing_that_was_asked_for_before(model):
 
 @pytest.mark.slow
 def test_poses_do_not_hang_on_the_shortest_part_of_a_step(monkeypatch):
-    """Slid in by 35 mm, where strips hang slack: which of the poses parts of 0.05 rad find hangs on rounding."""
+    """Slid in by 35 mm, where strips hang slack: the poses found with parts of 0.05 rad depend on rounding."""
     roadmaps = []
     for share in (1.0, 0.5):
         monkeypatch.setattr(roadmap, "SHORTEST", share * roadmap.SHORTEST)
