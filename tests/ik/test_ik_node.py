@@ -349,14 +349,17 @@ def test_diagnostics_carry_state_and_counts(graph):
     sim.say_mode(ControlMode.IK)
     sim.say_target((NAN, 0, 0))
     graph.wait_state(IkStatus.TRACKING)
-    sim.diagnostics.clear()
-    (status,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
-    values = {pair.key: pair.value for pair in status.values}
+
+    def told():  # a machine that stalls makes a state stale for a moment, rightly
+        status = sim.diagnostics[-1].status[0] if sim.diagnostics else None
+        values = {pair.key: pair.value for pair in status.values} if status else {}
+        there = values.get("state") == "TRACKING" and values["rejected targets"] == "1"
+        return (status, values) if there else None
+
+    status, values = graph.wait(told)
     assert status.name == "/ik"
     assert status.level == b"\x00"
     assert values["control mode"] == "IK"
-    assert values["state"] == "TRACKING"
-    assert values["rejected targets"] == "1"
     assert values["rejected modes"] == "1"
     assert int(values["solves"]) > 0
 
