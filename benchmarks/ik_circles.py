@@ -14,8 +14,9 @@ the goals of a horizontal circle about where the effector starts, 12 goals one a
 - reached: goals reached to 0.1 mm; longest: time to one of these [s], the planner's CPU time with it;
 - others: how far from the others the effector stays [mm], at least and at most; limited by: what keeps it there;
   search: how much further at most that is than what an independent search finds [mm]: a flood over all angles, then
-  SLSQP from the nearest pose of it (`tests/ik/search.py`), within the same angles, torques and firmness. It is asked
-  for one goal of those that are images of each other; apart: how far the answers to these differ in distance [mm].
+  SLSQP from the nearest pose of it (`tests/ik/search.py`), within the same angles, torques and stability margin. It is
+  asked for one goal of those that are images of each other; apart: how far the answers to these differ in distance
+  [mm].
 
 Copies: circles at random, begun anywhere, each rotated by thirds of a turn and mirrored: six times the same goals. How
 far the answers are apart, mirrored back.
@@ -55,7 +56,7 @@ from tripod_graph.names import WORKING_POSE
 from tripod_ik.model import SAME, StaticModel, goes_on, linear_state
 from tripod_ik.planner import JointPath, Planner
 from tripod_ik.roadmap import Roadmap
-from tripod_ik.snap_through import SOFTEST
+from tripod_ik.snap_through import LEAST_MARGIN
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 from tripod_ik.tracker import SMOOTH, Activity, Tracker
@@ -77,7 +78,7 @@ SPEED = 4.0
 """Of the servos, as the simulator's node keeps to it [rad/s]."""
 
 SETTINGS = TrackerSettings()
-LIMITS = Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
+LIMITS = Limits(torque=SETTINGS.torque_max, stability_margin=LEAST_MARGIN)
 
 
 def start_angles(slide: float) -> np.ndarray:
@@ -141,7 +142,8 @@ class Follower:
                 move = 1e3 * np.linalg.norm(state.equilibrium - before.equilibrium)
                 print(
                     f"snap by {move:.1f} mm from {before.angles.round(3)} rad to {state.angles.round(3)} rad, "
-                    f"firmness {before.firmness:.3f} to {state.firmness:.3f}", file=sys.stderr, flush=True,
+                    f"stability margin {before.stability_margin:.3f} to {state.stability_margin:.3f}",
+                    file=sys.stderr, flush=True,
                 )  # fmt: skip
             near = np.linalg.norm(state.equilibrium - goal) <= MET
             met = min(met, self.now - begin) if near else np.inf

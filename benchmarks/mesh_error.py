@@ -8,8 +8,8 @@ judged (`promise_cases.dynamic_case`), about the working pose. Wide motions: fro
 0.1 to 0.4 s, each servo on by up to 0.5 rad in 30 to 150 ms, then 0.1 s of rest; there strips hang slack and snap.
 Motions run with `mesh_error={}` and `time_error={}`, so estimates take 15 % of the steps' time; what both come to is
 held against the same scene with `h20` on level 9 and a quarter of the steps, solved exactly. The effectivity of a
-motion is the largest error that was told over the largest true error. `soft`: motions in which the firmness falls so
-far that a run says that the mesh errs by more than is told; the last column is of the others.
+motion is the largest error that was told over the largest true error. `soft`: motions in which the stability margin
+falls so far that a run says that the mesh errs by more than is told; the last column is of the others.
 
 Cases that others choose come from a file, `--chosen FILE`, a JSON list: {"kind": "pose", "joints": [angles, slide]} and
 {"kind": "motion", "knots": [[time, angles, slide], ...]}, straight between knots, the first at time 0, at rest. For
@@ -40,8 +40,8 @@ from promise_cases import Case as PromiseCase
 from promise_cases import dynamic_case, dynamic_turn, turned
 
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.softness import SLACK
-from tripod_study.run import Firmness
+from tripod_sim.stability_margin import REDUCED_MARGIN
+from tripod_study.run import LeastStabilityMargin
 from tripod_study.summary.errors import effector_error
 
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
@@ -163,7 +163,7 @@ def patience() -> Iterator[None]:
 
 
 def followed(
-    found: Simulation, way: np.ndarray, firmness: Firmness | None = None
+    found: Simulation, way: np.ndarray, stability_margin: LeastStabilityMargin | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return positions of the effector [m], shape (steps, 3), and their errors as told [m], NaN without."""
     found.reset()
@@ -171,8 +171,8 @@ def followed(
     for k, joints in enumerate(way):
         report = found.step(joints)
         places[k], errors[k] = found.state.centres[0], effector_error(report)
-        if firmness:
-            firmness.look()
+        if stability_margin:
+            stability_margin.look()
     return places, errors
 
 
@@ -216,15 +216,17 @@ class Case:
             with patience():
                 own, true = self._built(given.words, still=not given.duration)
                 start, dt, parts = own.command.copy(), own.scene.dt, PARTS if given.duration else 1
-                firmness = Firmness(own, round(given.duration / dt)) if given.duration else None
-                places, errors = followed(own, given.way(start, dt), firmness)
+                stability_margin = (
+                    LeastStabilityMargin(own, round(given.duration / dt)) if given.duration else None
+                )
+                places, errors = followed(own, given.way(start, dt), stability_margin)
                 reference, _ = followed(true, given.way(start, dt, parts))
         except (StepError, TimeoutError) as error:
             return {"failed": str(error)}
         miss = np.linalg.norm(reference[parts - 1 :: parts] - places, axis=1)
         found = {"true": float(miss.max()), "told": float(errors.max())}
-        if firmness and firmness.seen:
-            found["firmness"] = firmness.seen[0]
+        if stability_margin and stability_margin.seen:
+            found["stability_margin"] = stability_margin.seen[0]
         if not given.duration and abs(found["true"] - found["told"]) > UNSURE:
             other, _ = followed(simulation("h27", STILL[1], *given.words), given.way(start, dt))
             apart = float(np.linalg.norm(other - reference))
@@ -298,14 +300,14 @@ def line_of(name: str, rows: list[dict[str, Any]]) -> str:
     true, told = (np.array([row[key] for row in good]) for key in ("true", "told"))
     ratios = told / true
     within = (ratios >= LEAST) & (ratios <= MOST)
-    soft = np.array([row.get("firmness", np.inf) < SLACK for row in good])
+    soft = np.array([row.get("stability_margin", np.inf) < REDUCED_MARGIN for row in good])
     firm = f"{100 * within[~soft].mean():.0f} %" if not soft.all() else ""
     cells = [
         name, rows[0]["kind"], f"{len(good)} of {len(rows)}",
         f"{1e3 * np.median(true):.2g}, at most {1e3 * true.max():.2g}",
         f"{100 * within.mean():.0f} %", f"{100 * (within | (np.abs(told - true) < NEAR)).mean():.0f} %",
         f"{ratios.min():.2f} to {ratios.max():.2f}, median {np.median(ratios):.2f}",
-        f"{soft.sum()}" if "firmness" in good[0] else "", firm if soft.any() else "",
+        f"{soft.sum()}" if "stability_margin" in good[0] else "", firm if soft.any() else "",
     ]  # fmt: skip
     return "| " + " | ".join(cells) + " |"
 

@@ -27,7 +27,7 @@ from benchmarks.accuracy_promise import ROOT, reference_of
 from benchmarks.doc_parts import write_part
 from benchmarks.promise_cases import KINDS, Case
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.softness import SOFT
+from tripod_sim.stability_margin import LOW_MARGIN
 from tripod_study.accuracy.choice import pick
 from tripod_study.accuracy.stored import StoredPoint, read_study
 
@@ -96,16 +96,17 @@ def rows(seed: int, picked: StoredPoint, fine: StoredPoint) -> list[str]:
     return lines
 
 
-def firmness(seed: int, picked: StoredPoint) -> float:
-    """Return the least firmness (see `tripod_sim.softness`) of a case, at its start and after its move."""
+def stability_margin(seed: int, picked: StoredPoint) -> float:
+    """Return the least stability margin (see `tripod_sim.stability_margin`) of a case, at its start and after its
+    move."""
     kind, found = KINDS["tripod_static"], list[float]()
     case = kind.make(seed)
     simulation = made(picked, case)
 
     def look() -> None:
-        softness = simulation.compliance().softness
-        assert softness
-        found.append(softness.firmness)
+        stability_margin = simulation.compliance().stability_margin
+        assert stability_margin
+        found.append(stability_margin.value)
 
     look()
     kind.rows(simulation, case)
@@ -115,10 +116,10 @@ def firmness(seed: int, picked: StoredPoint) -> float:
 
 def soft_cases(picked: StoredPoint) -> str:
     """Return in a sentence how many of all cases are soft, and how many of those that err most."""
-    least = {seed: firmness(seed, picked) for seed in CASES}
-    soft = [seed for seed, value in least.items() if value < SOFT]
+    least = {seed: stability_margin(seed, picked) for seed in CASES}
+    soft = [seed for seed, value in least.items() if value < LOW_MARGIN]
     return (
-        f"Firmness falls below {SOFT:g} in {len(soft)} of the {len(CASES)} cases, "
+        f"The stability margin falls below {LOW_MARGIN:g} in {len(soft)} of the {len(CASES)} cases, "
         f"{len({*SEEDS} & {*soft})} of these {len(SEEDS)} among them."
     )
 

@@ -35,7 +35,7 @@ ROOMS = {
     "model": ("model", "effect"),
     "springs": ("springs",),
     "bodies": ("bodies",),
-    "response": ("response", "rest_state", "softness"),
+    "response": ("response", "rest_state", "stability_margin"),
     "contact": ("contact",),
     "compliance": ("compliance",),
     "steps": ("steps",),

@@ -4,7 +4,7 @@ Where the tracker makes one step for each state that comes in, here the model is
 worse, or that would leave the branch, is taken back and shortened. Searches begin at the model's home, a fixed pose, as
 long as that is on the branch of the present one: so nothing but the target and the branch decides. From a home that is
 soft, such as the flat piece, the search keeps off snaps: each step is followed along the equilibria
-(`StaticModel.follow`), and firmness is limited as the tracker does (`SnapThroughLimit`).
+(`StaticModel.follow`), and stability margin is limited as the tracker does (`SnapThroughLimit`).
 """
 
 import time
@@ -21,13 +21,13 @@ from tripod_ik.merit import corrected, hard_limits_passed, merit
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import RowLimit
-from tripod_ik.snap_through import SNAP, SOFTEST, SnapThroughLimit, longest_step
+from tripod_ik.snap_through import LEAST_MARGIN, SNAP, SnapThroughLimit, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.starts import StartPool
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask, Task, total_distance
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.softness import FIRM
+from tripod_sim.stability_margin import AMPLE_MARGIN
 
 LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 """Step limits [rad]: the first one tried, and the one below which no step helps any more."""
@@ -132,9 +132,12 @@ class InverseSolver:
         self._angles, self._others, self._row_limits = angles, tuple(limits), tuple(row_limits)
         self._tolerance, self._accuracy = tolerance, accuracy
         self._max_iterations, self._any_branch = max_iterations, any_branch
-        firmness = _home_firmness(model)
-        self._snapping = firmness >= FIRM and not smooth
-        self._kept_to = (*self._row_limits, SnapThroughLimit(min(SOFTEST, firmness), share=SHARE))
+        stability_margin = _home_stability_margin(model)
+        self._snapping = stability_margin >= AMPLE_MARGIN and not smooth
+        self._kept_to = (
+            *self._row_limits,
+            SnapThroughLimit(min(LEAST_MARGIN, stability_margin), share=SHARE),
+        )
         n = len(model.angles)
         self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in self._kept_to))
         self._pool: StartPool | None = None
@@ -178,7 +181,11 @@ class InverseSolver:
     def _seen(self, state: LinearState) -> LinearState:
         """Return `state`; from a firm home without what it tells of snaps: slack corners lie beyond these."""
         n = len(state.angles)
-        return replace(state, firmness=1.0, firmness_slope=np.zeros(n)) if self._snapping else state
+        return (
+            replace(state, stability_margin=1.0, stability_margin_slope=np.zeros(n))
+            if self._snapping
+            else state
+        )
 
     def _may_be_elsewhere(self, tasks: Sequence[Task], found: Solution) -> bool:
         """Return whether a limit could hide a better pose.
@@ -335,11 +342,11 @@ class InverseSolver:
         )
 
 
-def _home_firmness(model: StaticModel) -> float:
+def _home_stability_margin(model: StaticModel) -> float:
     here = model.save()
-    firmness = model.go_home().firmness
+    stability_margin = model.go_home().stability_margin
     model.restore(here)
-    return firmness
+    return stability_margin
 
 
 def _stalls(missing: Sequence[float], result: IkResult) -> bool:

@@ -20,14 +20,14 @@ class JointPath:
         stops: Angles [rad], each reached straight from the one before, the last those of the pose; shape (k, s).
         residual: What is missing there [m].
         limits: What keeps the effector from coming closer there.
-        firmness: Of the stops, shape (k,).
+        stability_margin: Of the stops, shape (k,).
         reason: Why the pose is no closer, in words; empty where the target is met, or nothing is known.
     """
 
     stops: FloatArray
     residual: float
     limits: tuple[str, ...]
-    firmness: FloatArray
+    stability_margin: FloatArray
     reason: str = ""
 
 

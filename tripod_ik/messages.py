@@ -31,8 +31,8 @@ def linear_state(message: Any) -> LinearState:
         rotation=(q.x, q.y, q.z, q.w),  # type: ignore[arg-type]
         equilibrium_offset=message.equilibrium_offset,
         W=[message.w[rows * i : rows * (i + 1)] for i in range(rows)],  # type: ignore[arg-type]
-        firmness=message.firmness if len(message.firmness_slope) else 1.0,
-        firmness_slope=message.firmness_slope,
+        stability_margin=message.stability_margin if len(message.stability_margin_slope) else 1.0,
+        stability_margin_slope=message.stability_margin_slope,
     )
 
 

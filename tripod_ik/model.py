@@ -47,13 +47,13 @@ MISSED, PART = 1e-4, 0.05
 no smooth one."""
 
 
-def goes_on(before: LinearState, after: LinearState, softest: float = 0.0) -> bool:
+def goes_on(before: LinearState, after: LinearState, least_margin: float = 0.0) -> bool:
     """Return whether two states belong to one family of equilibria, as far as their Jacobians tell, none of which on
-    the straight way between them is less firm than `softest`.
+    the straight way between them is less firm than `least_margin`.
     """
     move = np.linalg.norm(after.equilibrium - before.equilibrium)
-    smooth = after.firmness > 0 and foretold_miss(before, after) <= MISSED + PART * move
-    return bool(smooth and softest_between(before, after) >= softest)
+    smooth = after.stability_margin > 0 and foretold_miss(before, after) <= MISSED + PART * move
+    return bool(smooth and softest_between(before, after) >= least_margin)
 
 
 def foretold_miss(before: LinearState, after: LinearState) -> float:
@@ -63,14 +63,18 @@ def foretold_miss(before: LinearState, after: LinearState) -> float:
 
 
 def softest_between(before: LinearState, after: LinearState) -> float:
-    """Return the least firmness on the straight way between two states, as their firmness and its slopes foretell.
+    """Return the least stability margin on the straight way between two states, as their stability margin and its
+    slopes foretell.
 
     ρ |ρ| is what goes to zero in proportion to the angles: where it falls towards the other state from both, it is
     least where the two straight lines meet.
     """
     turn = after.angles - before.angles
     (a, fall), (b, rise) = (
-        (s.firmness * abs(s.firmness), 2 * abs(s.firmness) * float(s.firmness_slope @ turn))
+        (
+            s.stability_margin * abs(s.stability_margin),
+            2 * abs(s.stability_margin) * float(s.stability_margin_slope @ turn),
+        )
         for s in (before, after)
     )
     least = min(a, b)
@@ -83,10 +87,10 @@ def softest_between(before: LinearState, after: LinearState) -> float:
 
 def linear_state(c: Compliance) -> LinearState:
     """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used."""
-    soft = c.softness
+    soft = c.stability_margin
     return LinearState(
         servo_names(len(c.angles)), c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w,
-        soft.firmness if soft else 1.0, soft.slope if soft else np.zeros(0),
+        soft.value if soft else 1.0, soft.slope if soft else np.zeros(0),
     )  # fmt: skip
 
 
@@ -142,13 +146,13 @@ class StaticModel:
         self._image = images(count, mirrored=False)[0]
         start, end = self.simulation.command, np.append(wanted, slide)
         slides = slide != joints.slide and joints.slides
-        own = None if slides or angles is not None else (self.state().firmness, self.save())
+        own = None if slides or angles is not None else (self.state().stability_margin, self.save())
         for part in np.linspace(0.0, 1.0, 11)[
             1:
         ]:  # angles and slide in proportion: the strips stay stretched
             self.simulation.step(start + part * (end - start))
         self._state = None
-        if own and own[0] > self.state().firmness:
+        if own and own[0] > self.state().stability_margin:
             self.restore(own[1])
         self._home = self.save()
 
@@ -185,7 +189,7 @@ class StaticModel:
         self,
         angles: FloatArray,
         *,
-        softest: float = 0.0,
+        least_margin: float = 0.0,
         shortest: float = SHORTEST,
         longest: float = np.inf,
         passed: list[LinearState] | None = None,
@@ -194,8 +198,8 @@ class StaticModel:
 
         Args:
             angles: [rad], shape (s,).
-            softest: Firmness that no pose on the way may be below; parts are then no longer than what firmness and
-                its slope foretell is to be trusted.
+            least_margin: Stability margin that no pose on the way may be below; parts are then no longer than what
+                stability margin and its slope foretell is to be trusted.
             shortest: Part of the way [rad] below which an end of the equilibria is no longer looked for.
             longest: Part of the way [rad] to go at once, at most: from one side of a snap to the other all may look
                 smooth.
@@ -213,17 +217,19 @@ class StaticModel:
         part = most
         while done < 1.0:
             here, before = self.save(), self.state()
-            if softest > 0 and far > 0:
+            if least_margin > 0 and far > 0:
                 part = min(part, max(longest_step(before), shortest) / far)
             end = 1.0 if done + part > 1.0 - 1e-9 else done + part
             try:
                 after = self.move(angles if end == 1.0 else start + end * whole)
-                if goes_on(before, after, softest):
+                if goes_on(before, after, least_margin):
                     done, part = end, min(most, 2 * part)
                     if passed is not None:
                         passed.append(after)
                     continue
-                soft = after.firmness < softest and goes_on(before, after)  # and so it is in shorter parts
+                soft = after.stability_margin < least_margin and goes_on(
+                    before, after
+                )  # and so it is in shorter parts
             except StepError:
                 soft = False
             self.restore(here)

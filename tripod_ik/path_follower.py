@@ -10,7 +10,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.joint_path import PathSource
-from tripod_ik.snap_through import HURRY, SOFTEST, WITHIN
+from tripod_ik.snap_through import HURRY, LEAST_MARGIN, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 
@@ -43,7 +43,7 @@ def steps_of(move: float, fall: float) -> float:
     """Return how many steps a way is long.
 
     Towards a snap the body gets softer: after a part t of the way, of `move` steps as the Jacobian says,
-    √(1 - t fall) of the firmness is left, and the effector has moved by 2 t move / (1 + √(1 - t fall)).
+    √(1 - t fall) of the stability margin is left, and the effector has moved by 2 t move / (1 + √(1 - t fall)).
 
     Args:
         move: Steps, by the Jacobian at its beginning.
@@ -79,7 +79,7 @@ class PathFollower:
         self._moved: tuple[float, FloatArray] | None = None
         self.arrived = self._met = self._calming = False
         self.limits: tuple[str, ...] = ()
-        self._firmness: list[float] = []
+        self._margins: list[float] = []
         self._leg = (np.zeros(0), 0.0)
 
     @property
@@ -97,7 +97,7 @@ class PathFollower:
         dt: float,
         reach: float,
         speed: float,
-        firm: float = 0.0,
+        least_margin: float = 0.0,
     ) -> FloatArray | None:
         """Return the angles to command [rad], shape (s,); None where the tracker finds its way itself.
 
@@ -109,7 +109,7 @@ class PathFollower:
             dt: Time since the last command [s].
             reach: How far a servo may turn in it [rad].
             speed: How fast the resting effector may move [m/s].
-            firm: Firmness down to which the body may be led, as it swings now.
+            least_margin: Stability margin down to which the body may be led, as it swings now.
         """
         if self._question is None:
             return None
@@ -117,7 +117,7 @@ class PathFollower:
         if not self._answered:
             return self._question[0].angles if moved < STILL and now <= self._waits else None
         worth = MOVED if self._calming else max(MOVED, self._worth)
-        if state.firmness < 0 or moved > (STILL if self.arrived else worth):
+        if state.stability_margin < 0 or moved > (STILL if self.arrived else worth):
             self.reset()
         if not self._stops:
             return None
@@ -132,42 +132,42 @@ class PathFollower:
             self._stops = []
             return None
         at, left = previous, 1.0
-        rho = max(state.firmness, 1e-3)
-        soft = max(rho**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
-        if self._firmness[0] > rho:  # out of where it is soft: a body that rings there may do so for long
-            firm = 0.0
-        self._calming = rho**2 - firm**2 < soft
+        rho = max(state.stability_margin, 1e-3)
+        soft = max(rho**2 - (WITHIN * LEAST_MARGIN) ** 2, SLOWEST) * -expm1(-dt / HURRY)
+        if self._margins[0] > rho:  # out of where it is soft: a body that rings there may do so for long
+            least_margin = 0.0
+        self._calming = rho**2 - least_margin**2 < soft
         if self._calming:  # it waits until the body is calmer, which is no block
-            soft, self._moved = max(rho**2 - firm**2, 0.0), (now, previous)
+            soft, self._moved = max(rho**2 - least_margin**2, 0.0), (now, previous)
         while True:
             way = self._stops[0] - at
             move = float(np.linalg.norm(state.jacobian[:3] @ way)) / max(speed * dt, 1e-12)
-            fall = -2 * rho * float(state.firmness_slope @ way)
+            fall = -2 * rho * float(state.stability_margin_slope @ way)
             part = max(
                 float(np.abs(way).max()) / max(reach, 1e-12),
                 steps_of(move, fall / rho**2),
                 fall / max(soft, 1e-12),
-                self._softening(at, firm, dt),
+                self._softening(at, least_margin, dt),
             )
             if part > left:
                 return np.asarray(at + way * (left / part))
             at, left = self._stops[0], left - part
             if len(self._stops) == 1:
                 return at
-            self._leg = self._stops.pop(0), self._firmness.pop(0)
+            self._leg = self._stops.pop(0), self._margins.pop(0)
 
-    def _softening(self, at: FloatArray, firm: float, dt: float) -> float:
+    def _softening(self, at: FloatArray, least_margin: float, dt: float) -> float:
         """Return how many steps of `dt` [s] it takes from angles to the next stop, as soft as it gets.
 
         What is commanded now the body follows later, so what it is now does not tell what it can bear. The square of
-        the firmness is taken to change evenly between stops.
+        the stability margin is taken to change evenly between stops.
         """
-        (begin, before), end, after = self._leg, self._stops[0], self._firmness[0]
+        (begin, before), end, after = self._leg, self._stops[0], self._margins[0]
         left = float(np.abs(end - at).max()) / max(float(np.abs(end - begin).max()), 1e-12)
         fall = min(left, 1.0) * (before * abs(before) - after * abs(after))
         here = after * abs(after) + fall
-        share = max(here - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
-        return fall / max(min(share, here - firm**2), 1e-12)
+        share = max(here - (WITHIN * LEAST_MARGIN) ** 2, SLOWEST) * -expm1(-dt / HURRY)
+        return fall / max(min(share, here - least_margin**2), 1e-12)
 
     def look(
         self,
@@ -213,4 +213,4 @@ class PathFollower:
         if worth > -WORSE - moved and len(way.stops):
             self._stops, self.limits, self._met = list(way.stops), way.limits, way.residual < MET
             self._worth, self._moved = worth, None
-            self._firmness, self._leg = way.firmness.tolist(), (state.angles, state.firmness)
+            self._margins, self._leg = way.stability_margin.tolist(), (state.angles, state.stability_margin)

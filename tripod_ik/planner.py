@@ -16,7 +16,7 @@ from tripod_ik.problem import build_ik
 from tripod_ik.roadmap import SAME, SHORTEST, SPACING, Roadmap
 from tripod_ik.roadmap_path import DIGITS, quickest, time_of
 from tripod_ik.row_limits import RowLimit, TorqueLimit
-from tripod_ik.snap_through import SOFTEST, WITHIN, longest_step
+from tripod_ik.snap_through import LEAST_MARGIN, WITHIN, longest_step
 from tripod_ik.solver import IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image
@@ -55,8 +55,8 @@ LONGEST = 0.1
 """Part of a way that is tried at once [rad]."""
 
 CALM = 0.22
-"""Firmness that a straight way may always come down to where its ends are firmer: a softer one takes longer than one
-round it.
+"""Stability margin that a straight way may always come down to where its ends are firmer: a softer one takes longer
+than one round it.
 """
 
 CUT, WORTH = 2, 0.04
@@ -357,7 +357,7 @@ class Planner:
             np.array([stop.angles for _, stop in kept[1:]]),
             best.solution.residual,
             best.solution.active_limits,
-            np.array([stop.firmness for _, stop in kept[1:]]),
+            np.array([stop.stability_margin for _, stop in kept[1:]]),
             self._reason(tasks, state, best.solution, around),
         )
 
@@ -432,10 +432,16 @@ class Planner:
         """Return about how long the straight way from one pose to another takes [s]; infinite where there is none."""
         self.model.restore(start[0])
         passed = [start[1]]
-        softest = WITHIN * max(SOFTEST, min(CALM, start[1].firmness, end[1].firmness))
+        least_margin = WITHIN * max(
+            LEAST_MARGIN, min(CALM, start[1].stability_margin, end[1].stability_margin)
+        )
         try:
             self.model.follow(
-                end[1].angles, softest=softest, shortest=SHORTEST / 2, longest=LONGEST, passed=passed
+                end[1].angles,
+                least_margin=least_margin,
+                shortest=SHORTEST / 2,
+                longest=LONGEST,
+                passed=passed,
             )
         except (StepError, SceneError):
             return np.inf

@@ -117,7 +117,7 @@ def build_ik(
     error remains, the second derivative of |e|² is J'J minus e times the curvature, and without μ the
     iteration would jump about the closest pose for ever once that second part is the larger one. With c at
     least half of the curvature it converges. Towards a snap J grows without bound: B, see `softening`, is zero where
-    the firmness has no slope, and for a posture alone. Damping counts from the present angles and not from the
+    the stability margin has no slope, and for a posture alone. Damping counts from the present angles and not from the
     previous command, since then a delay between command and state does not matter.
 
     Args:
@@ -198,12 +198,14 @@ def softening(state: LinearState, SJ: FloatArray, Se: FloatArray) -> FloatArray:
 
     With s = dρ/dα, J n grows along n = s / |s| as |s| / ρ does, so that is |Se · SJ n| |s| / ρ in that direction.
     """
-    slope = state.firmness_slope
+    slope = state.stability_margin_slope
     steep = hypot(*slope.tolist())
     if steep == 0.0:
         return np.zeros((len(slope), len(slope)))
     return (
-        slope[:, None] * slope * (abs(float(Se @ (SJ @ slope))) / (steep**2 * max(abs(state.firmness), 1e-3)))
+        slope[:, None]
+        * slope
+        * (abs(float(Se @ (SJ @ slope))) / (steep**2 * max(abs(state.stability_margin), 1e-3)))
     )
 
 

@@ -19,12 +19,12 @@ from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.model import Saved, StaticModel, foretold_miss, image_of
 from tripod_ik.roadmap_path import DIGITS, Poses, RoadmapPaths, ShortestPaths
-from tripod_ik.snap_through import SOFTEST, WITHIN
+from tripod_ik.snap_through import LEAST_MARGIN, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, table
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.softness import FIRM
+from tripod_sim.stability_margin import AMPLE_MARGIN
 from tripod_sim.tables.short_forms import joints_of
 
 SPACING = 0.2
@@ -178,7 +178,7 @@ class Roadmap:
 
     def _step(self, here: Pose, cell: Cell, angles: FloatArray, known: Sequence[int]) -> int | None:
         """Return the number of the pose that the body goes to from `here`, a new one if need be; None for none."""
-        rho, slope = here.state.firmness, here.state.firmness_slope
+        rho, slope = here.state.stability_margin, here.state.stability_margin_slope
         if rho * (rho + 2 * slope @ (angles - here.state.angles)) < BEYOND:
             return None
         if (number := self._goes_on_to(here.state, known)) is not None:
@@ -186,14 +186,14 @@ class Roadmap:
         self.model.restore(here.saved)
         try:
             state = self.model.follow(
-                angles, shortest=SHORTEST, longest=SPACING / 2 if rho < FIRM else SPACING
+                angles, shortest=SHORTEST, longest=SPACING / 2 if rho < AMPLE_MARGIN else SPACING
             )
         except (StepError, SceneError):
             return None
         for number in known:
             if _is_same(state, self.poses[number].state):
                 return number
-        if state.firmness < SOFTEST:
+        if state.stability_margin < LEAST_MARGIN:
             return None
         return self._add(cell, state, max(here.level, self.distance(state.equilibrium)))
 
@@ -225,13 +225,13 @@ class Roadmap:
     def comes_to(self, state: LinearState, number: int) -> bool:
         """Bring the model from a pose to `state`; return whether there is a way.
 
-        That is by poses that are hardly softer than it, or than `SOFTEST`.
+        That is by poses that are hardly softer than it, or than `LEAST_MARGIN`.
         """
         self.model.restore(self.poses[number].saved)
-        softest = WITHIN * min(SOFTEST, max(state.firmness, 0.0))
+        least_margin = WITHIN * min(LEAST_MARGIN, max(state.stability_margin, 0.0))
         try:
             here = self.model.follow(
-                state.angles, softest=softest, shortest=SHORTEST / 2, longest=SPACING / 2
+                state.angles, least_margin=least_margin, shortest=SHORTEST / 2, longest=SPACING / 2
             )
         except (StepError, SceneError):
             return False
@@ -261,7 +261,10 @@ class Roadmap:
 
 def _is_foretold(here: LinearState, there: LinearState) -> bool:
     """Return whether both are firm, and foretold by the Jacobians to half of what equilibria differ by."""
-    return min(here.firmness, there.firmness) >= FIRM and foretold_miss(here, there) < SAME / 2
+    return (
+        min(here.stability_margin, there.stability_margin) >= AMPLE_MARGIN
+        and foretold_miss(here, there) < SAME / 2
+    )
 
 
 def _is_same(state: LinearState, other: LinearState) -> bool:

@@ -11,13 +11,13 @@ from scipy.sparse.csgraph import dijkstra
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.model import MISSED, PART
-from tripod_ik.snap_through import HURRY, SOFTEST, WITHIN
+from tripod_ik.snap_through import HURRY, LEAST_MARGIN, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.tracker_settings import TrackerSettings
 
-SPEED, TURN, LEAST = TrackerSettings.effector_speed, TrackerSettings.angle_speed, WITHIN * SOFTEST
-"""Of the effector [m/s], of a servo [rad/s], and firmness of which nothing may be left, where it is foretold how long a
-way takes."""
+SPEED, TURN, LEAST = TrackerSettings.effector_speed, TrackerSettings.angle_speed, WITHIN * LEAST_MARGIN
+"""Of the effector [m/s], of a servo [rad/s], and stability margin of which nothing may be left, where it is foretold
+how long a way takes."""
 
 DIGITS = 6
 """Of what is compared to choose one of several: what is equal but for rounding is so, and the first is taken."""
@@ -31,16 +31,16 @@ class Poses:
     Attributes:
         angles: [rad], shape (N, s).
         places: Of the resting effector [m], shape (N, 3).
-        firmness: ρ |ρ|, but no less than that of the softest pose, shape (N,).
+        stability_margin: ρ |ρ|, but no less than that of the softest pose, shape (N,).
         slopes: dρ²/dα [1/rad], shape (N, s).
     """
 
     def __init__(self, states: Sequence[LinearState]) -> None:
         self.angles = np.array([state.angles for state in states])
         self.places = np.array([state.equilibrium for state in states])
-        rho = np.array([state.firmness for state in states])
-        self.firmness = np.abs(rho) * rho
-        self.slopes = 2 * np.abs(rho)[:, None] * np.array([state.firmness_slope for state in states])
+        rho = np.array([state.stability_margin for state in states])
+        self.stability_margin = np.abs(rho) * rho
+        self.slopes = 2 * np.abs(rho)[:, None] * np.array([state.stability_margin_slope for state in states])
         self.jacobians = np.array([state.jacobian[:3] for state in states])
 
     def misses(self, a: Numbers, b: Numbers) -> FloatArray:
@@ -60,13 +60,13 @@ class Poses:
         up with the time constant `HURRY`; in between ρ² is least where its tangents at both ends meet.
         """
         turns = self.angles[b] - self.angles[a]
-        first, last = self.firmness[a], self.firmness[b]
+        first, last = self.stability_margin[a], self.stability_margin[b]
         fall, rise = (np.einsum("ki,ki->k", self.slopes[n], turns) for n in (a, b))
         least = np.minimum(first, last)
         part = (last - rise - first) / np.where(rise > fall, fall - rise, -1.0)
         dips = (fall < 0) & (rise > 0) & (part > 0) & (part < 1)
         least = np.where(dips, np.minimum(least, first + part * fall), least)
-        first, least = (np.maximum(rho, SOFTEST**2) / LEAST**2 - 1.0 for rho in (first, least))
+        first, least = (np.maximum(rho, LEAST_MARGIN**2) / LEAST**2 - 1.0 for rho in (first, least))
         move = np.linalg.norm(self.places[b] - self.places[a], axis=1) / SPEED
         longest: FloatArray = np.maximum.reduce([
             move, np.abs(turns).max(axis=1) / TURN, HURRY * np.log(first / least),

@@ -41,8 +41,9 @@ class LinearState:
         equilibrium_offset: From that pose to the static equilibrium at the same angles: translation [m] (3)
             and rotation vector [rad] (3), shape (6,).
         W: Compliance, symmetric, shape (6 + n, 6 + n) [m/N, m/(N m), rad/N, rad/(N m)].
-        firmness: ρ, how far the body is from a snap, see `tripod_sim.softness`; 1 where that is not known.
-        firmness_slope: dρ/dα [1/rad], shape (n,); zero where it is not known; none at all is zero.
+        stability_margin: ρ, how far the body is from a snap, see `tripod_sim.stability_margin`; 1 where that is not
+            known.
+        stability_margin_slope: dρ/dα [1/rad], shape (n,); zero where it is not known; none at all is zero.
     """
 
     joint_names: tuple[str, ...]
@@ -52,8 +53,8 @@ class LinearState:
     rotation: FloatArray
     equilibrium_offset: FloatArray
     W: FloatArray
-    firmness: float = 1.0
-    firmness_slope: FloatArray = field(default_factory=lambda: np.zeros(0))
+    stability_margin: float = 1.0
+    stability_margin_slope: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         names = tuple(self.joint_names)
@@ -67,12 +68,12 @@ class LinearState:
             "rotation": (4,),
             "equilibrium_offset": (6,),
             "W": (6 + n, 6 + n),
-            "firmness_slope": (n,),
+            "stability_margin_slope": (n,),
         }
-        if not np.size(self.firmness_slope):
-            object.__setattr__(self, "firmness_slope", np.zeros(n))
-        if not np.isfinite(self.firmness):
-            raise IkError(f"firmness is {self.firmness}; it must be finite")
+        if not np.size(self.stability_margin_slope):
+            object.__setattr__(self, "stability_margin_slope", np.zeros(n))
+        if not np.isfinite(self.stability_margin):
+            raise IkError(f"stability_margin is {self.stability_margin}; it must be finite")
         object.__setattr__(self, "joint_names", names)
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen(name, getattr(self, name), shape))

@@ -59,7 +59,7 @@ class Image:
             rotation=np.append(axial @ state.rotation[:3], state.rotation[3]),
             equilibrium_offset=T[:6, :6] @ state.equilibrium_offset,
             W=T @ state.W @ T.T,
-            firmness_slope=state.firmness_slope[self.servos],
+            stability_margin_slope=state.stability_margin_slope[self.servos],
         )
 
     def task(self, task: Task) -> Task | None:

@@ -22,9 +22,9 @@ from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.smoothing import Smoothing
 from tripod_ik.snap_through import (
+    LEAST_MARGIN,
     SNAP,
     SOFTENING,
-    SOFTEST,
     SWING,
     SnapThroughLimit,
     firm_enough,
@@ -62,8 +62,8 @@ SHORTEST = 1e-5
 CALM = 1e-3
 """Distance from rest [m] up to which a pose is one to come back to."""
 
-SMOOTH, FIRM = 0.1, 0.2
-"""Time [s] over which commands are smoothed, see `Tracker`; firmness from which on it is not shorter."""
+SMOOTH, AMPLE_MARGIN = 0.1, 0.2
+"""Time [s] over which commands are smoothed, see `Tracker`; stability margin from which on it is not shorter."""
 
 HALVINGS = 10
 """Lengths of a step that are tried beside hard limits."""
@@ -136,8 +136,8 @@ class Tracker:
             guide: Asked for the way where no step comes closer to the target, see `PathFollower`.
             smooth: Time over which commands are smoothed, see `Smoothing`, where the target stands still [s]: `SMOOTH`,
                 for a robot that goes evenly from one command to the next; or 0 for one that is there at once. With a
-                body that is less firm than `FIRM` it is shorter, and none at `SOFTEST`: steps there are as short as
-                `longest_step`, and what lags would make them slower.
+                body that is less firm than `AMPLE_MARGIN` it is shorter, and none at `LEAST_MARGIN`: steps there are
+                as short as `longest_step`, and what lags would make them slower.
         """
         self.settings = settings
         self._smooth_over = smooth
@@ -269,7 +269,9 @@ class Tracker:
             result = replace(result, error=left, residual=left, residuals=residuals, active_limits=names)
         self._previous, self._time = result.command, max(self._time, now)
         if result.ok and self._smooth_over > 0:
-            result = replace(result, command=self._smooth(result.command, state.firmness, beyond=beyond))
+            result = replace(
+                result, command=self._smooth(result.command, state.stability_margin, beyond=beyond)
+            )
         error, tilt = self._present_error(state, wanted)
         activity = self._activity(result, beyond=beyond)
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
@@ -307,7 +309,7 @@ class Tracker:
             dt=dt,
             reach=self._limits[1].speed * dt,
             speed=self.settings.effector_speed,
-            firm=firm,
+            least_margin=firm,
         )
         beyond = led is None and self._is_beyond_fold(state, here, now)
         if led is not None:
@@ -371,13 +373,14 @@ class Tracker:
             longest /= 2
         return result
 
-    def _smooth(self, command: FloatArray, firmness: float, *, beyond: bool) -> FloatArray:
+    def _smooth(self, command: FloatArray, stability_margin: float, *, beyond: bool) -> FloatArray:
         """Return what is commanded on the way to `command`: where the target stands still a little later."""
         at_once = beyond or self._motion.moves(self._time)
         over = (
             0.0
             if at_once
-            else self._smooth_over * min(max((firmness - SOFTEST) / (FIRM - SOFTEST), 0.0), 1.0)
+            else self._smooth_over
+            * min(max((stability_margin - LEAST_MARGIN) / (AMPLE_MARGIN - LEAST_MARGIN), 0.0), 1.0)
         )
         return self._smoothing.command(command, self._time, over, self._limits[1].speed)
 
@@ -394,7 +397,7 @@ class Tracker:
         calm = hypot(*state.equilibrium_offset[:3].tolist()) < CALM
         if self._side == 0:
             self._side = here
-        if is_beyond(here, self._side) or state.firmness < min(0.0, self._least or 0.0):
+        if is_beyond(here, self._side) or state.stability_margin < min(0.0, self._least or 0.0):
             if not self._trail:
                 self._side = here  # nowhere to go back to: the pose is taken as it is
                 return False
@@ -420,8 +423,8 @@ class Tracker:
         return total_distance(tasks, errors), sum(d.get(TILT, 0.0) for d in distances)
 
     def _row_limits(self, state: LinearState, dt: float, firm: float, *, led: bool) -> list[RowLimit]:
-        found = state.firmness
-        self._least = SOFTEST if found >= SOFTEST else found if self._least is None else self._least
+        found = state.stability_margin
+        self._least = LEAST_MARGIN if found >= LEAST_MARGIN else found if self._least is None else self._least
         snap = SnapThroughLimit(max(self._least, min(firm, found)), share=min(1.0, dt / SOFTENING))
         limits: list[RowLimit] = [
             SnapThroughLimit(-1.0) if led else snap

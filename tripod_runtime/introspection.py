@@ -33,7 +33,7 @@ class Introspection:
     """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`.
 
     Attributes:
-        firmness: The last that somebody asked for (see `softness`), and when [s]; None before.
+        stability_margin: The last that somebody asked for (see `stability_margin`), and when [s]; None before.
         notice: What became of the newest request; empty: nothing to say.
         standing: Tells what else is to be said where that is empty.
     """
@@ -81,7 +81,7 @@ class Introspection:
         with self._lock:
             self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
             self._halvings, self._latest = 0, first
-            self.firmness: list[float] | None = None
+            self.stability_margin: list[float] | None = None
 
     def keep(self, snapshot: Snapshot) -> None:
         """Enter a step into the books; called in the thread of the physics."""
@@ -89,8 +89,8 @@ class Introspection:
             self._books.add(snapshot.energies, snapshot.joints, snapshot.torques, snapshot.time)
             self._halvings += snapshot.report.halvings
             self._latest = snapshot
-            if snapshot.compliance and (soft := snapshot.compliance.softness):
-                self.firmness = [soft.firmness, snapshot.time]
+            if snapshot.compliance and (soft := snapshot.compliance.stability_margin):
+                self.stability_margin = [soft.value, snapshot.time]
 
     def publish_scene(self) -> None:
         """Publish what there is to draw, what accuracies cost, and which effects there are."""
@@ -118,7 +118,12 @@ class Introspection:
         rest = not self._simulation.scene.inertia
         figures = asdict(
             stability(
-                latest.report, halvings, balance, self._simulation.scene.dt, self.firmness, at_rest=rest
+                latest.report,
+                halvings,
+                balance,
+                self._simulation.scene.dt,
+                self.stability_margin,
+                at_rest=rest,
             )
         )
         lines = stability_lines(figures)

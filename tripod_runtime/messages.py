@@ -93,12 +93,13 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
     c = snapshot.compliance
     if c is None:
         return None
-    soft = c.softness
+    soft = c.stability_margin
     return Compliance(
         header=header(snapshot.stamp), joint_names=list(servo_names(len(c.angles))), angles=flat(c.angles),
         torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
-        equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide, firmness=soft.firmness if soft else 1.0,
-        firmness_slope=flat(soft.slope) if soft else [], effector_mesh_error=known(mesh_error(snapshot.report)),
+        equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide,
+        stability_margin=soft.value if soft else 1.0, stability_margin_slope=flat(soft.slope) if soft else [],
+        effector_mesh_error=known(mesh_error(snapshot.report)),
     )  # fmt: skip
 
 

@@ -523,7 +523,11 @@ class SimNode(Node):
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
         ignored = next(self._authority.notices(time.monotonic()), "")
-        snap = snap_words(*firmness) if (firmness := self._introspection.firmness) else ""
+        snap = (
+            snap_words(*stability_margin)
+            if (stability_margin := self._introspection.stability_margin)
+            else ""
+        )
         near = f"a snap is {snap}" if snap else ""
         still = STALLED if self._clock_of_motion.stalled else ""
         told = (stalls(latest), latest.report.instability, still, self._rival.notice, ignored, near)

@@ -28,7 +28,7 @@ from tripod_sim.system import System
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rest_rows import Rest
     from tripod_sim.rest_state import RestState
-    from tripod_sim.softness import SoftestMove, Softness
+    from tripod_sim.stability_margin import SoftestMove, StabilityMargin
 
 
 ROUNDS = 3
@@ -49,7 +49,7 @@ class Compliance:
         quaternion: Of the effector (x, y, z, w), shape (4,).
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
             and rotation vector [rad], shape (6,).
-        softness: How near it is to a snap; None where that is not known: with contact.
+        stability_margin: How near it is to a snap; None where that is not known: with contact.
     """
 
     w: FloatArray
@@ -59,7 +59,7 @@ class Compliance:
     position: FloatArray
     quaternion: FloatArray
     equilibrium_offset: FloatArray
-    softness: "Softness | None" = None
+    stability_margin: "StabilityMargin | None" = None
 
 
 def compliance(
@@ -76,7 +76,7 @@ def compliance(
         state: Where it is linearised; need not be an equilibrium.
         held: What contact holds; its forces must be among the loads of `system`.
         rest: The state of rest that goes along with `state`: the tangent is that of rest then.
-        softest: Tells the softness; None where nobody asks for it. With contact it is not told.
+        softest: Tells the stability margin; None where nobody asks for it. With contact it is not told.
 
     Raises:
         SceneError: the system has no effector.
@@ -107,7 +107,7 @@ def compliance(
                 answers = _answers(system, effector)
             torques = system.torques.copy()
             answer = _response(system, effector, answers)
-            soft = softest.softness(system, at, answers) if softest else None
+            soft = softest.stability_margin(system, at, answers) if softest else None
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
     except np.linalg.LinAlgError:

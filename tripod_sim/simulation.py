@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.mesh_error.estimate import MeshError
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
-    from tripod_sim.softness import SoftestMove
+    from tripod_sim.stability_margin import SoftestMove
 
 
 LOST = 0.1
@@ -218,7 +218,7 @@ class Simulation:
         static = self._static.system
         if not static.groups.rigid or self._model.contact:
             return None
-        from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
+        from tripod_sim.stability_margin import softest_move  # noqa: PLC0415 - only with an effector
 
         return softest_move(static, self.state)
 

@@ -107,7 +107,7 @@ def run(
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     errors = LargestErrors()
-    least = Firmness(simulation, steps)
+    least = LeastStabilityMargin(simulation, steps)
     stalled_steps, unstable, lowered = [0] * len(simulation.torques), array("d"), 0.0
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
@@ -212,8 +212,8 @@ LOOKS = 20
 """Times in a run at which is looked how firm the body is."""
 
 
-class Firmness:
-    """The least firmness of a run.
+class LeastStabilityMargin:
+    """The least stability margin of a run.
 
     Attributes:
         seen: It, and when that was [s]; None where it is not known.
@@ -236,11 +236,11 @@ class Firmness:
         if not self._known or state.step % self._every:
             return
         try:
-            softness = self._simulation.compliance().softness
+            stability_margin = self._simulation.compliance().stability_margin
         except StepError:  # singular just here
             return
-        if softness and (self.seen is None or softness.firmness < self.seen[0]):
-            self.seen = [softness.firmness, state.time]
+        if stability_margin and (self.seen is None or stability_margin.value < self.seen[0]):
+            self.seen = [stability_margin.value, state.time]
 
 
 def _unstable(times: Sequence[float], steps: int) -> list[str]:

@@ -62,7 +62,7 @@ def test_the_largest_error_of_the_mesh_is_told_beside_that_of_the_steps() -> Non
 def test_effects_are_named_without_costs() -> None:
     balance = {"lost": 0.0, "grew": False, "moved": 0.0, "unsure": 0.0, "work": 0.0, "since": 0.0}
     stable = {"residual": 0.0, "halvings": 0, "energy": balance, "at_rest": True, "dt_limit": None}
-    stable |= {"contacts": None, "firmness": None, "unstable": ""}
+    stable |= {"contacts": None, "stability_margin": None, "unstable": ""}
     found = rows(figures={"accuracy": "not known", "effects": ["gravity", "inertia"], "stability": stable})
     assert found["effects"] == "gravity, inertia"
     assert not {"would add", "would save"} & found.keys()

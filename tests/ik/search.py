@@ -26,24 +26,27 @@ MET = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Largest torque [N m], smallest and largest corner of where the effector may be [m], least firmness."""
+    """Largest torque [N m], smallest and largest corner of where the effector may be [m], least stability margin."""
 
     torque: float = np.inf
     low: FloatArray | float = -np.inf
     high: FloatArray | float = np.inf
-    firmness: float = -np.inf
+    stability_margin: float = -np.inf
 
     def room(self, state: LinearState) -> tuple[FloatArray, FloatArray]:
-        """Return what is left to each finite limit, positive inside, as a part of 0.1 N m or 10 mm, of firmness as
-        it is; and d/dα of it."""
+        """Return what is left to each finite limit, positive inside, as a part of 0.1 N m or 10 mm, of stability
+        margin as it is; and d/dα of it."""
         n, p = len(state.angles), state.equilibrium
         low, high = np.broadcast_to(self.low, 3), np.broadcast_to(self.high, 3)
         most = np.full(n, self.torque)
         torque, place = [most - state.torques, most + state.torques], [p - low, high - p]
-        firm = [state.firmness - self.firmness]
+        firm = [state.stability_margin - self.stability_margin]
         left = np.concatenate([*(row / 0.1 for row in torque), *(row / 0.01 for row in place), firm])
         K, J = state.stiffness / 0.1, state.jacobian[:3] / 0.01
-        rows, finite = np.concatenate([-K, K, J, -J, state.firmness_slope[None, :]]), np.isfinite(left)
+        rows, finite = (
+            np.concatenate([-K, K, J, -J, state.stability_margin_slope[None, :]]),
+            np.isfinite(left),
+        )
         return left[finite], rows[finite]
 
 
@@ -181,7 +184,7 @@ class Flood(Search):
         except StepError:
             offset = before.equilibrium_offset.copy()
             offset[:3] += before.jacobian[:3] @ (wanted - before.angles)
-            return replace(before, angles=wanted, equilibrium_offset=offset, firmness=-1.0)
+            return replace(before, angles=wanted, equilibrium_offset=offset, stability_margin=-1.0)
 
 
 def _linked(state: LinearState, other: LinearState) -> bool:

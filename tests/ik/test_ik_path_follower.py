@@ -108,16 +108,24 @@ def test_a_way_that_is_blocked_is_given_up():
     assert np.abs(blocked[-1].result.command - robot.angles).max() < 1e-3
 
 
-def led(firmness, way, *, firm=0.0, move=0.0):
+def led(stability_margin, way, *, least_margin=0.0, move=0.0):
     """Return where a way leads after a step from the working pose, and where after the target has moved by `move`."""
     slope = np.array([1.0, 0.0, 0.0])
-    state = replace(SpringRobot(slide=0.035).state(WORKING), firmness=firmness, firmness_slope=slope)
+    state = replace(
+        SpringRobot(slide=0.035).state(WORKING),
+        stability_margin=stability_margin,
+        stability_margin_slope=slope,
+    )
     guidance, target = PathFollower(lambda *_: way), np.zeros(6)
     for k in range(3):
         guidance.look(state, [], target, 0.01, k * DT, closest=True)
     found = []
     for k, aimed in ((3, target), (4, target + move * np.eye(6)[0])):
-        found.append(guidance.command(state, WORKING, aimed, k * DT, dt=DT, reach=0.1, speed=0.06, firm=firm))
+        found.append(
+            guidance.command(
+                state, WORKING, aimed, k * DT, dt=DT, reach=0.1, speed=0.06, least_margin=least_margin
+            )
+        )
     return found
 
 
@@ -126,14 +134,14 @@ def test_a_target_that_moves_while_the_body_calms_down_needs_another_way():
     goes, on = led(0.2, softer, move=2e-3)
     assert goes[0] < WORKING[0]
     assert on is not None
-    waits, other = led(0.2, softer, firm=0.25, move=2e-3)
+    waits, other = led(0.2, softer, least_margin=0.25, move=2e-3)
     assert waits == pytest.approx(WORKING, abs=1e-9)
     assert other is None
 
 
 def test_out_of_where_the_body_is_soft_it_goes_though_it_swings():
     firmer = JointPath(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.28]))
-    assert led(0.1, firmer, firm=0.15)[0][0] < WORKING[0] - 1e-4
+    assert led(0.1, firmer, least_margin=0.15)[0][0] < WORKING[0] - 1e-4
 
 
 def test_a_way_that_ends_soft_is_gone_slowly_though_the_body_is_firm_where_it_is():
@@ -144,7 +152,7 @@ def test_a_way_that_ends_soft_is_gone_slowly_though_the_body_is_firm_where_it_is
     assert led(1.0, hard)[0] == pytest.approx(WORKING - np.array([0.02, 0.0, 0.0]))
     part = (WORKING - led(1.0, soft)[0])[0] / 0.02
     assert part == pytest.approx((1 - 0.063**2) * (1 - np.exp(-DT / 0.04)) / (1 - 0.07**2), rel=1e-6)
-    assert led(1.0, soft, firm=1.0)[0] == pytest.approx(WORKING, abs=1e-9)
+    assert led(1.0, soft, least_margin=1.0)[0] == pytest.approx(WORKING, abs=1e-9)
 
 
 def test_commands_keep_to_the_speed_of_the_effector():
@@ -285,7 +293,9 @@ def test_a_posture_is_gone_to_straight_however_near_a_snap():
     """Else a robot that is led leaves the way where that becomes firmer, and snaps."""
     turn = np.array([0.008, 0.022, -0.029])
     state = replace(
-        SpringRobot(slide=0.035).state(WORKING), firmness=0.05, firmness_slope=np.array([53.5, 53.5, 38.2])
+        SpringRobot(slide=0.035).state(WORKING),
+        stability_margin=0.05,
+        stability_margin_slope=np.array([53.5, 53.5, 38.2]),
     )
     result = IkSolver(3).solve(build_ik(state, [PostureTask(WORKING + turn, weight=1.0)]))
     assert result.command - WORKING == pytest.approx(turn, abs=1e-3 * np.abs(turn).max())

@@ -14,7 +14,7 @@ from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, goes_on
 from tripod_ik.planner import Planner
 from tripod_ik.roadmap import Roadmap
-from tripod_ik.snap_through import SOFTEST
+from tripod_ik.snap_through import LEAST_MARGIN
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
@@ -153,7 +153,10 @@ def test_goals_on_another_sheet_are_met_soon(between):
 def test_the_closest_pose_is_that_of_a_search_everywhere(finder):
     """More of them are in benchmarks/ik_circles.py."""
     model = Flood.model(load_scene(SHARP), 0.0, np.zeros(3))
-    home, limits = model.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
+    home, limits = (
+        model.state().equilibrium.copy(),
+        Limits(torque=SETTINGS.torque_max, stability_margin=LEAST_MARGIN),
+    )
     flood = Flood(model, -2.1, 0.6, limits, spacing=0.2, within=0.011)
     assert len(flood.poses) > 50  # a flood that does not leave the flat piece finds nothing closer
     for goal in (at(0), at(35, 0.012), at(-120, 0.008)):

@@ -43,7 +43,7 @@ def test_turned_and_mirrored_poses_are_images_with_all_that_is_known_of_them(mod
             assert seen.equilibrium_rotation == pytest.approx(other.equilibrium_rotation, abs=1e-7)
             assert seen.torques == pytest.approx(other.torques, abs=1e-7)
             assert np.abs(seen.W - other.W).max() < 1e-4 * np.abs(other.W).max()
-            assert seen.firmness_slope == pytest.approx(other.firmness_slope, abs=1e-3)
+            assert seen.stability_margin_slope == pytest.approx(other.stability_margin_slope, abs=1e-3)
         model.restore(saved)
         assert model.angles == pytest.approx(other.angles, abs=1e-12)
         further = other.angles + np.array([0.02, 0.03, -0.01])

@@ -24,7 +24,11 @@ def square(**changed):
     """Return states at the corners of a square of the grid, those of `changed` replaced."""
     robot = SpringRobot(slide=SLIDE)
     states = [
-        replace(robot.state(WORKING + SPACING * np.array(cell)), firmness=1.0, firmness_slope=np.zeros(3))
+        replace(
+            robot.state(WORKING + SPACING * np.array(cell)),
+            stability_margin=1.0,
+            stability_margin_slope=np.zeros(3),
+        )
         for cell in SQUARE
     ]
     for number, values in changed.items():
@@ -62,7 +66,7 @@ def test_what_is_slowest_says_how_long_a_way_takes():
         end, effector=end.effector + (start.equilibrium - end.equilibrium) + np.array([0.03, 0.0, 0.0])
     )
     assert time_of([start, far]) == pytest.approx(0.03 / SPEED)
-    soft = replace(end, firmness=0.1)
+    soft = replace(end, stability_margin=0.1)
     left = [(rho / LEAST) ** 2 - 1 for rho in (1.0, 0.1)]
     assert time_of([start, soft]) == pytest.approx(HURRY * np.log(left[0] / left[1]), abs=1e-6)
     assert quickest(start, soft) < time_of([start, soft])

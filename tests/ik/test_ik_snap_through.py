@@ -10,11 +10,11 @@ from tests.scenes import SHARP
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import linear_state
-from tripod_ik.snap_through import BARRIER, SOFTEST, SnapThroughLimit, firm_enough
+from tripod_ik.snap_through import BARRIER, LEAST_MARGIN, SnapThroughLimit, firm_enough
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
-from tripod_sim import Simulation, load_scene, softness
+from tripod_sim import Simulation, load_scene, stability_margin
 
 DT = 0.02  # [s]
 
@@ -25,7 +25,7 @@ def towards(servo: int, radius: float) -> np.ndarray:
 
 
 def test_a_snap_is_near_for_whoever_runs_a_scene_where_a_branch_ends():
-    assert softness.NEAR == SOFTEST
+    assert stability_margin.NEAR == LEAST_MARGIN
 
 
 @pytest.mark.parametrize("radius", [0.008, 0.01])
@@ -44,7 +44,7 @@ def test_an_unreachable_goal_is_neared_without_a_snap_and_left_again(flat, radiu
                 assert (
                     np.linalg.norm(after.equilibrium - before.equilibrium - foretold) < 2e-4
                 )  # [m]: no snap
-                assert after.firmness > 0.8 * SOFTEST
+                assert after.stability_margin > 0.8 * LEAST_MARGIN
                 now += DT
             if goal is not home:
                 ends.append(after.angles[[servo, (servo + 1) % 3, (servo + 2) % 3]])
@@ -110,7 +110,7 @@ def test_one_solution_is_near_the_snap_too_mirrored_for_mirrored_goals_and_takes
         found[name] = solution
     assert found["towards"].outcome is Outcome.CLOSEST
     assert found["towards"].residual < 1e-3
-    assert found["towards"].state.firmness > SOFTEST - 1e-4
+    assert found["towards"].state.stability_margin > LEAST_MARGIN - 1e-4
     for name in ("left", "right"):
         assert found[name].outcome is Outcome.REACHED
     left, right = found["left"].state.angles, found["right"].state.angles
@@ -121,9 +121,9 @@ def test_the_limit_grants_a_share_of_what_is_left(flat):
     flat.follow(np.array([-0.24, 0.12, 0.12]))
     state = flat.state()
     rows = SnapThroughLimit(share=0.25).rows(state)
-    left = state.firmness**2 - SOFTEST**2
+    left = state.stability_margin**2 - LEAST_MARGIN**2
     assert rows.low == pytest.approx([-0.25 * left])
-    assert rows.matrix[0] == pytest.approx(2 * state.firmness * state.firmness_slope)
+    assert rows.matrix[0] == pytest.approx(2 * state.stability_margin * state.stability_margin_slope)
     beyond = SnapThroughLimit(least=0.2, share=0.25).rows(state)
-    assert beyond.low == pytest.approx([0.2**2 - state.firmness**2])  # all of it, where it is beyond
+    assert beyond.low == pytest.approx([0.2**2 - state.stability_margin**2])  # all of it, where it is beyond
     flat.go_home()

@@ -448,7 +448,7 @@ def test_towards_a_snap_the_program_has_the_curvature_of_what_it_minimises(off):
     W[6, 6], W[0, 6], W[6, 0], W[0, 0] = 2.0, 2.0 * J, 2.0 * J, 3.0 * J * J
     state = LinearState(
         ("servo_0",), np.array([-1.0]), np.zeros(1), np.array([-c * rho, 0.0, 0.0]), np.array([0, 0, 0, 1.0]),
-        np.zeros(6), W, firmness=rho, firmness_slope=np.array([-k / (2 * rho)]),
+        np.zeros(6), W, stability_margin=rho, stability_margin_slope=np.array([-k / (2 * rho)]),
     )  # fmt: skip
     task = PositionTask(
         state.equilibrium + np.array([off, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), curvature=curvature

@@ -116,7 +116,7 @@ def test_posture_chooses_where_the_task_leaves_a_choice(home):
 
 @pytest.mark.parametrize("slope", [[0.0, 0.0, 0.0], [0.5, -0.3, 0.8]])
 def test_the_program_has_the_cost_that_is_told(home, slope):
-    state = replace(home.state(), firmness=0.3, firmness_slope=np.array(slope))
+    state = replace(home.state(), stability_margin=0.3, stability_margin_slope=np.array(slope))
     tasks = [PositionTask([0.004, 0, -0.006], [1.0, 0.5, 0.0]), TiltTask([0.1, 0.2, 1.0])]
     problem = build_ik(state, tasks)
     rows = [task.rows(state) for task in tasks]

@@ -204,7 +204,7 @@ def test_a_recording_from_before_fields_were_added_is_played_with_their_default_
     assert (found.effector_mesh_error, found.effector_error) == (-1.0, -1.0)
 
 
-@pytest.mark.parametrize("missing", ["firmness_slope", "slide"])
+@pytest.mark.parametrize("missing", ["stability_margin_slope", "slide"])
 def test_what_has_been_added_without_a_default_value_is_not_made_up(missing: str) -> None:
     pytest.importorskip("tripod_msgs.msg")
     kind = "tripod_msgs/msg/Compliance"

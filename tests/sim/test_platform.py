@@ -224,14 +224,14 @@ def test_an_unstable_start_is_told(push: float, firm: bool, said: bool) -> None:
     )
     assert (UNSTABLE_START in simulation.notes) == said
     if firm:
-        softness = simulation.compliance().softness
-        assert softness
-        assert softness.firmness > 0
+        stability_margin = simulation.compliance().stability_margin
+        assert stability_margin
+        assert stability_margin.value > 0
 
 
 def test_a_run_of_bodies_tells_how_near_a_snap_is() -> None:
     result = run(str(EMIO), duration=0.01)
-    assert result["figures"]["stability"]["firmness"][0] == pytest.approx(0.2, abs=0.05)
+    assert result["figures"]["stability"]["stability_margin"][0] == pytest.approx(0.2, abs=0.05)
 
 
 def test_what_is_held_beside_a_platform_leaves_elements_between_them() -> None:

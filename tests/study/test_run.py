@@ -53,13 +53,13 @@ FIRM = {"servo": "0:-1.4965,-1.4965,-1.4965", "slide": "0:0.035"}
 
 
 def least(**options: Any) -> list[float]:
-    """Return the least firmness of a run at rest, and when it was."""
+    """Return the least stability margin of a run at rest, and when it was."""
     figures = run("tripod", overrides=REST, **options)["figures"]["stability"]
     assert figures["at_rest"]
-    return figures["firmness"]
+    return figures["stability_margin"]
 
 
-def test_the_least_firmness_of_a_run_is_told() -> None:
+def test_the_least_stability_margin_of_a_run_is_told() -> None:
     """Of a pose that is soft, of one that is firm, of a way between, and of springs, which have none."""
     soft, firm = least(**SOFT, duration=0.02), least(**FIRM, duration=0.02)
     assert 0.0 < soft[0] < 0.25
@@ -69,7 +69,7 @@ def test_the_least_firmness_of_a_run_is_told() -> None:
     )
     assert value < 0.3
     assert time > 0.1
-    assert run("pendulum", duration=0.02)["figures"]["stability"]["firmness"] is None
+    assert run("pendulum", duration=0.02)["figures"]["stability"]["stability_margin"] is None
 
 
 @pytest.fixture(scope="module")

@@ -59,7 +59,7 @@ def test_damping_loses_energy_and_a_stable_scheme_never_gains_any() -> None:
 
 
 @pytest.mark.parametrize(
-    ("firmness", "at_rest", "estimated", "told"),
+    ("stability_margin", "at_rest", "estimated", "told"),
     [
         ([0.2, 1.5], True, False, ("stiffness", "0.20", "1.5 s", "error")),
         ([0.2, 1.5], False, False, None),
@@ -73,11 +73,11 @@ def test_damping_loses_energy_and_a_stable_scheme_never_gains_any() -> None:
     ],
 )
 def test_a_pose_that_is_soft_or_near_a_snap_is_told(
-    firmness: list[float] | None, at_rest: bool, estimated: bool, told: tuple[str, ...] | None
+    stability_margin: list[float] | None, at_rest: bool, estimated: bool, told: tuple[str, ...] | None
 ) -> None:
     _, books = run("pendulum", 1)
     report = StepReport(mesh_error=MeshErrorReport((0.0, 0.0, 0.0), 0.0)) if estimated else StepReport()
-    found = stability(report, 0, books.balance, 0.005, firmness, at_rest=at_rest)
+    found = stability(report, 0, books.balance, 0.005, stability_margin, at_rest=at_rest)
     lines = dict(stability_lines(asdict(found)))
     assert ("snap" in lines) == (told is not None)
     if told:

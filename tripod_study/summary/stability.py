@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.softness import NEAR, SLACK, SOFT
+from tripod_sim.stability_margin import LOW_MARGIN, NEAR, REDUCED_MARGIN
 from tripod_study.summary.energy import SWAY, TINY, Balance
 
 
@@ -25,7 +25,8 @@ class Stability:
         smallest_gap: Beyond the contact distance [m]; None without contacts.
         penetration: How deep bodies sink in at most, beyond the contact distance [m]; None without contact.
         contact_error: Largest error of gap, complementarity or slip [m]; None without contact.
-        firmness: Least firmness that was seen (see `softness`), and when [s]; None where it is not known.
+        stability_margin: Least stability margin that was seen (see `stability_margin`), and when [s]; None where it is
+            not known.
         at_rest: Whether every step is an equilibrium.
         estimated: Whether the error of the mesh is told.
         unstable: What an unstable scheme does, in words; empty where it is stable.
@@ -41,7 +42,7 @@ class Stability:
     smallest_gap: float | None = None
     penetration: float | None = None
     contact_error: float | None = None
-    firmness: list[float] | None = None
+    stability_margin: list[float] | None = None
     at_rest: bool = False
     estimated: bool = False
     unstable: str = ""
@@ -52,7 +53,7 @@ def stability(
     halvings: int,
     balance: Balance,
     dt: float,
-    firmness: list[float] | None = None,
+    stability_margin: list[float] | None = None,
     *,
     at_rest: bool = False,
 ) -> Stability:
@@ -63,7 +64,7 @@ def stability(
         halvings: Since the start.
         balance: Of its energy.
         dt: Of the scene [s].
-        firmness: Least that was seen, and when [s].
+        stability_margin: Least that was seen, and when [s].
         at_rest: Whether every step is an equilibrium.
     """
     explicit = math.isfinite(report.dt_limit)
@@ -83,7 +84,7 @@ def stability(
         energy=asdict(balance),
         dt=dt,
         dt_limit=report.dt_limit if explicit else None,
-        firmness=firmness,
+        stability_margin=stability_margin,
         at_rest=at_rest,
         estimated=report.mesh_error is not None,
         unstable=report.instability,
@@ -108,25 +109,27 @@ def stability_lines(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     if figures["contacts"] is not None:
         rows.append(("contacts", f"{figures['contacts']}, {figures['pressed']} of them pressed"))
         rows.append(("penetration", f"{1e3 * figures['penetration']:.2g} mm beyond the contact distance"))
-    if firmness := figures["firmness"]:
-        words = snap_words(*firmness, at_rest=figures["at_rest"], estimated=figures["estimated"])
+    if stability_margin := figures["stability_margin"]:
+        words = snap_words(*stability_margin, at_rest=figures["at_rest"], estimated=figures["estimated"])
         rows += [("snap", words)] if words else []
     if figures["unstable"]:
         rows.append(("unstable", figures["unstable"]))
     return rows
 
 
-def snap_words(firmness: float, time: float, *, at_rest: bool = False, estimated: bool = False) -> str:
-    """Return what is to say of a body's firmness at a time [s], in motion or `at_rest`; empty where it is firm.
+def snap_words(
+    stability_margin: float, time: float, *, at_rest: bool = False, estimated: bool = False
+) -> str:
+    """Return what is to say of a body's stability margin at a time [s], in motion or `at_rest`; empty where it is firm.
 
     `estimated`: whether the error of the mesh is told.
     """
-    softest = f"the lowest stiffness is {firmness:.2f} of that of the undeformed body at {time:.4g} s"
-    if firmness < NEAR:
+    softest = f"the lowest stiffness is {stability_margin:.2f} of that of the undeformed body at {time:.4g} s"
+    if stability_margin < NEAR:
         return f"near: {softest}; another equilibrium may be close"
-    if at_rest and firmness < SOFT:
+    if at_rest and stability_margin < LOW_MARGIN:
         return f"{softest}; in so soft a pose the error is more often larger than stated, or another equilibrium exists"
-    if estimated and not at_rest and firmness < SLACK:
+    if estimated and not at_rest and stability_margin < REDUCED_MARGIN:
         return f"{softest}; so soft a body snaps differently on each mesh, and swings with a larger error than stated"
     return ""
 

@@ -1,4 +1,5 @@
-"""How near to a snap: firmness and its slope against finite moves, and the state of rest of a body that swings."""
+"""How near to a snap: stability margin and its slope against finite moves, and the state of rest of a body that
+swings."""
 
 import numpy as np
 import pytest
@@ -18,14 +19,16 @@ def flat() -> Simulation:
 
 
 @pytest.mark.parametrize("angles", [[-0.24, 0.12, 0.12], [-0.3, 0.06, 0.21], [-0.2, 0.0, 0.2]])
-def test_the_slope_of_the_firmness_is_that_of_finite_moves(flat: Simulation, angles: list[float]) -> None:
+def test_the_slope_of_the_stability_margin_is_that_of_finite_moves(
+    flat: Simulation, angles: list[float]
+) -> None:
     flat.reset()
     end, h = np.array([*angles, 0.0]), 5e-4
     for part in np.linspace(0.1, 1.0, 10):
         flat.step(part * end)
-    here, soft = flat.save(), flat.compliance().softness
+    here, soft = flat.save(), flat.compliance().stability_margin
     assert soft is not None
-    assert 0.06 < soft.firmness < 0.3
+    assert 0.06 < soft.value < 0.3
     found = np.empty(3)
     for servo in range(3):
         ends = []
@@ -34,15 +37,15 @@ def test_the_slope_of_the_firmness_is_that_of_finite_moves(flat: Simulation, ang
             turned = end.copy()
             turned[servo] += sign * h
             flat.step(turned)
-            other = flat.compliance().softness
+            other = flat.compliance().stability_margin
             assert other is not None
-            ends.append(other.firmness)
+            ends.append(other.value)
         found[servo] = (ends[0] - ends[1]) / (2 * h)
-    # h² times third derivatives, which grow as firmness falls: 1e-4 at most of these poses
+    # h² times third derivatives, which grow as stability margin falls: 1e-4 at most of these poses
     np.testing.assert_allclose(soft.slope, found, rtol=5e-3, atol=1e-3 * np.abs(found).max())
 
 
-def test_the_firmness_is_the_least_stiffness_of_all_moves(flat: Simulation) -> None:
+def test_the_stability_margin_is_the_least_stiffness_of_all_moves(flat: Simulation) -> None:
     flat.reset()
     system, found = flat._static.system, []
     first = 3 * system.reduction.free_count
@@ -52,27 +55,30 @@ def test_the_firmness_is_the_least_stiffness_of_all_moves(flat: Simulation) -> N
     for angles in (np.zeros(3), [-0.24, 0.12, 0.12], [-0.27, 0.13, 0.13]):
         for part in np.linspace(0.0, 1.0, 10):
             flat.step(part * np.append(angles, 0.0))
-        soft = flat.compliance().softness
+        soft = flat.compliance().stability_margin
         assert soft is not None
         upper = system.reduction.pattern.toarray()
         tangent = upper + np.triu(upper, 1).T
         found.append(
-            (soft.firmness, eigh(tangent, np.diag(sizes), eigvals_only=True, subset_by_index=[0, 0])[0])
+            (
+                soft.value,
+                eigh(tangent, np.diag(sizes), eigvals_only=True, subset_by_index=[0, 0])[0],
+            )
         )
-    ratios = np.array([firmness / least for firmness, least in found])
+    ratios = np.array([stability_margin / least for stability_margin, least in found])
     np.testing.assert_allclose(ratios, ratios[-1], rtol=1e-3)
 
 
-def test_firmness_goes_to_zero_at_the_snap_and_its_square_in_proportion_to_the_angles(
+def test_the_stability_margin_goes_to_zero_at_the_snap_and_its_square_in_proportion_to_the_angles(
     flat: Simulation,
 ) -> None:
     flat.reset()
     squares, heights = [], []
     for part in np.linspace(0.05, 1.0, 20):
         flat.step(part * SNAPPING)
-        soft = flat.compliance().softness
+        soft = flat.compliance().stability_margin
         assert soft is not None
-        squares.append(soft.firmness**2)
+        squares.append(soft.value**2)
         heights.append(flat.state.centres[0][2])
     jump = int(np.argmax(np.diff(heights)))
     assert np.diff(heights)[jump] > 2e-3  # it did snap
@@ -90,7 +96,7 @@ def test_asking_how_soft_a_body_at_rest_is_changes_no_reaction() -> None:
     resting = Simulation(load_scene(SHARP, [*STATIC, *watched]))
     resting.step(0.8 * SNAPPING)
     force, moment = resting.reactions(0)
-    soft = resting.compliance().softness
+    soft = resting.compliance().stability_margin
     assert soft is not None
     assert soft.slope.any()  # it was evaluated elsewhere for that
     assert np.array_equal(resting.reactions(0)[0], force)
@@ -113,6 +119,6 @@ def test_a_swinging_body_has_the_compliance_of_its_rest() -> None:
     assert max(offsets[12:20]) > 2e-5  # it swings
     np.testing.assert_allclose(c.position + c.equilibrium_offset[:3], exact.position, atol=1e-8)
     np.testing.assert_allclose(c.w, exact.w, rtol=1e-4, atol=1e-6 * np.abs(exact.w).max())
-    assert c.softness is not None
-    assert exact.softness is not None
-    assert c.softness.firmness == pytest.approx(exact.softness.firmness, rel=1e-4)
+    assert c.stability_margin is not None
+    assert exact.stability_margin is not None
+    assert c.stability_margin.value == pytest.approx(exact.stability_margin.value, rel=1e-4)

@@ -2,7 +2,7 @@
 
 The stiffness of a move u of the body is λ = uᵀ K u / |u|² with |u| the root mean square of how far its nodes go.
 Towards a limit point, where the equilibrium ends and the body, or one strip of it, snaps to another one, the least
-stiffness λ₁ goes to zero. The firmness is
+stiffness λ₁ goes to zero. The stability margin is
 
     ρ = λ₁ / λ₃ of the undeformed body,
 
@@ -26,15 +26,15 @@ from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
 
-FIRM = 0.45
-"""Firmness above which no snap is near, and the slope is not looked for."""
+AMPLE_MARGIN = 0.45
+"""Stability margin above which no snap is near, and the slope is not looked for."""
 
-NEAR, SOFT = 0.07, 0.25
-"""Firmness below which a snap is near, as inverse kinematics has it; and below which a mesh a little too stiff may lead
-to another equilibrium at rest, or err by far more than elsewhere (`benchmarks/promise_branches.py`)."""
+NEAR, LOW_MARGIN = 0.07, 0.25
+"""Stability margin below which a snap is near, as inverse kinematics has it; and below which a mesh a little too stiff
+may lead to another equilibrium at rest, or err by far more than elsewhere (`benchmarks/promise_branches.py`)."""
 
-SLACK = 0.75
-"""Firmness below which, in motion, the mesh errs by more than it is told to (`benchmarks/mesh_error.py`)."""
+REDUCED_MARGIN = 0.75
+"""Stability margin below which, in motion, the mesh errs by more than it is told to (`benchmarks/mesh_error.py`)."""
 
 MOVE = 2e-5
 """ε |u|: how far a node is moved, at most [m]."""
@@ -48,15 +48,15 @@ ITERATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Softness:
-    """Firmness and its slope.
+class StabilityMargin:
+    """Stability margin and its slope.
 
     Attributes:
-        firmness: ρ.
-        slope: dρ/dangle [1/rad], shape (s,); zero where ρ is above `FIRM`.
+        value: ρ.
+        slope: dρ/dangle [1/rad], shape (s,); zero where ρ is above `AMPLE_MARGIN`.
     """
 
-    firmness: float
+    value: float
     slope: FloatArray
 
 
@@ -97,8 +97,8 @@ class SoftestMove:
         self._reference = float(stiffness[2])
         return bool(stiffness[0] > 0)
 
-    def softness(self, system: System, state: State, answers: FloatArray) -> Softness:
-        """Return the softness of the body.
+    def stability_margin(self, system: System, state: State, answers: FloatArray) -> StabilityMargin:
+        """Return the stability margin of the body.
 
         Args:
             system: The static potential, evaluated and factored at `state`; it is evaluated elsewhere.
@@ -112,8 +112,8 @@ class SoftestMove:
         s = len(system.groups.driven)
         stiffness, moves = self._stiffnesses(system, answers[:, : 6 + s])
         rho = max(float(stiffness[0]) / self._reference, -1.0)
-        if not 0 < rho < FIRM:
-            return Softness(rho, np.zeros(s))
+        if not 0 < rho < AMPLE_MARGIN:
+            return StabilityMargin(rho, np.zeros(s))
         u, size = answers[:, : 6 + s] @ moves[:, 0], 1.0
         for _ in range(ITERATIONS):
             push = self._weights[:, 0] * u / size
@@ -131,7 +131,7 @@ class SoftestMove:
             residual += system.residual
             torques += system.torques
         change = (torques - residual @ answers[:, 6 : 6 + s]) / step**2
-        return Softness(rho, change / (size * self._reference))
+        return StabilityMargin(rho, change / (size * self._reference))
 
     def _stiffnesses(self, system: System, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return stiffnesses of the body [N/m], ascending, and of which `answers` the moves are made, columns."""
