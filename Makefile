@@ -1,5 +1,7 @@
-# All commands run in .venv, which `make setup` prepares; PYTHON names the Python to make it with.
-PYTHON ?= python3
+# All commands run in .venv, which `make setup` prepares; PYTHON names the Python to make it with: unless told, that of
+# the .venv that is there, else python3.
+MADE_WITH := $(shell sed -n 's/^executable = //p' .venv/pyvenv.cfg 2>/dev/null)
+PYTHON ?= $(if $(wildcard $(MADE_WITH)),$(MADE_WITH),python3)
 ARGS ?=
 BIN := .venv/bin
 

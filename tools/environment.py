@@ -194,7 +194,10 @@ def _is_sound(state: SetupState, key: str, ros: RosSource) -> bool:
     if state.is_done("environment", key):
         return True
     if state.known:
-        print("setup: Python, ROS or the place of the checkout changed; making .venv again")
+        print(
+            f"setup: this is Python {sys.version.split()[0]} ({sys.executable}); .venv was made with another one, with "
+        )
+        print("setup: or without ROS, or elsewhere; making it again")
         return False
     words = [str(VENV / "bin" / "python"), "-c", "import pip, sys; print(sys.version)"]
     result = subprocess.run(words, env=_environ(), capture_output=True, text=True, check=False)

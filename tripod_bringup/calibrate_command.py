@@ -11,7 +11,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from tripod_driver.calibration import Calibration
+from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
 from tripod_driver.calibrator import ANY_PULSE, HELP, SPEED, Calibrator, shaft_calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
@@ -138,7 +138,7 @@ class CalibrateSession:
     def begin(self, now: float) -> None:
         """Open the port, and say what the keys do."""
         self.console.print(
-            f"Keys:\n{HELP}\ng begins: all servos then go to where the piece should be flat, at once."
+            f"Keys:\n{HELP}\ng begins: all servos then go slowly to where the piece should be flat."
         )
         self._driver.connect()
 
@@ -216,7 +216,12 @@ class CalibrateSession:
             self.calibrator.notice = f"not written: {self._file}: {error.strerror}"
             return
         self.calibrator.saved()
-        self.console.print(f"written: {self._file}; use it: tripod driver --set calibration={self._file}")
+        servos = zip(SERVOS, self.calibrator.calibration().servos, strict=True)
+        untouched = [name for name, servo in servos if servo == ServoCalibration()]
+        missing = f"; still as without a calibration: {', '.join(untouched)}" if untouched else ""
+        self.console.print(
+            f"written: {self._file}{missing}; use it: tripod driver --set calibration={self._file}"
+        )
 
     def _end(self, code: int, said: str) -> None:
         self.console.print(said)

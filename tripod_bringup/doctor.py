@@ -127,15 +127,23 @@ def check_messages(run: Callable[[str], Probe] = probe) -> Check:
     return Check("tripod_msgs", Verdict.OK, f"{len(wanted)} messages")
 
 
-PACKAGES = ("numpy", "scipy", "numba", "qdldl", "osqp", "serial", "viser", "mcap", "yaml")
-"""What the nodes import besides ROS."""
+SIMULATOR = ("numpy", "scipy", "numba", "qdldl", "osqp")
+"""What the simulator and inverse kinematics import."""
+
+NODES = ("serial", "viser", "mcap", "yaml")
+"""What the nodes import besides that and ROS."""
+
+OF_NODES = ("rclpy", "tripod_msgs", "packages of nodes")
+"""Checks that a machine passes only where it can run nodes; without them it simulates."""
 
 
-def check_packages(find: Callable[[str], object] = importlib.util.find_spec) -> Check:
-    """Whether what the nodes import is installed."""
-    if missing := [name for name in PACKAGES if find(name) is None]:
-        return Check("packages", Verdict.FAIL, f"without {', '.join(missing)}", "run `make setup`")
-    return Check("packages", Verdict.OK, ", ".join(PACKAGES))
+def check_packages(
+    name: str, packages: Sequence[str], find: Callable[[str], object] = importlib.util.find_spec
+) -> Check:
+    """Whether packages are installed, under the name of a check."""
+    if missing := [package for package in packages if find(package) is None]:
+        return Check(name, Verdict.FAIL, f"without {', '.join(missing)}", "run `make setup`")
+    return Check(name, Verdict.OK, ", ".join(packages))
 
 
 def check_page_port(number: int = 8080) -> Check:
@@ -211,7 +219,8 @@ def examine(recordings: Path, *, ask: bool = False) -> list[Check]:
         check_discovery(),
         check_start(),
         check_messages(),
-        check_packages(),
+        check_packages("packages", SIMULATOR),
+        check_packages("packages of nodes", NODES),
         *check_ports(answer_of=ask_device if ask else None),
         check_page_port(),
         check_recordings(recordings),

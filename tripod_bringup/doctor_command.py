@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tripod_bringup.check import Check, Verdict
-from tripod_bringup.doctor import examine
+from tripod_bringup.doctor import OF_NODES, examine
 from tripod_bringup.long_work import loading
 
 COLOURS = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "bold red"}
@@ -41,7 +41,10 @@ def show(checks: Sequence[Check]) -> None:
 
 def verdict_line(checks: Sequence[Check]) -> str:
     """Return whether this machine is ready, and which checks ask for something."""
-    if failed := [check.name for check in checks if check.verdict is Verdict.FAIL]:
+    failed = [check.name for check in checks if check.verdict is Verdict.FAIL]
+    if failed and set(failed) <= set(OF_NODES):
+        return f"ready to simulate (`tripod run tripod`); for the nodes fix {', '.join(failed)}, as the lines above say"
+    if failed:
         return f"not ready: fix {', '.join(failed)}, as the lines above say"
     if warned := [check.name for check in checks if check.verdict is Verdict.WARN]:
         return f"ready; look at {', '.join(warned)}"

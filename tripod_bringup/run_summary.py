@@ -70,8 +70,8 @@ def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
     if measured is not None:
         file = result.get("study") or "the accuracy study of this scene"
         yours = "; your motion is another one" if own_motion else ""
-        of = f" (of: {figures['quantity']})" if figures.get("quantity") else ""
-        words.append(f"about {_digits(100 * measured)} % of the motion, measured in {file}{of}{yours}")
+        of = f": {figures['quantity']}" if figures.get("quantity") else ""
+        words.append(f"about {_digits(100 * measured)} % (measured in {file}{of}{yours})")
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))
     elif steps:

@@ -196,7 +196,7 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     """Return the study of any scene, with what the options change. Raises SceneError."""
     from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
-    from tripod_sim.scene.file import scene_names  # noqa: PLC0415
+    from tripod_sim.scene.file import naming_file, scene_names  # noqa: PLC0415
 
     with loading("tripod study"):
         from tripod_study import any_scene  # noqa: PLC0415 - heavy
@@ -212,7 +212,7 @@ def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
     if choice:
         print(f"tripod study: {choice.sentence}", file=sys.stderr)
     subject = any_scene.Subject(scene, overrides, changes.servo, changes.slide, changes.duration)
-    with loading("tripod study", "choosing settings"):
+    with loading("tripod study", "choosing settings"), naming_file(scene, overrides):
         return any_scene.plan(subject, quick=quick)
 
 

@@ -1,7 +1,7 @@
 """What to do where a simulation is slower than real time: the one text that every message about it ends with."""
 
-CHEAPER = "--accuracy real-time"
-"""The option that takes the most accurate setting that runs in real time."""
+CHEAPER = "--accuracy draft"
+"""The option that takes the cheapest setting that a study of the scene calls a draft."""
 
 WHAT_TO_DO = (
     f"close other programs; if that is not enough, start with `{CHEAPER}`, which runs a coarser simulation"

@@ -90,10 +90,7 @@ def run(
         SceneError: anything wrong with the input.
         StepError: the simulation could not go on.
     """
-    description = load_scene(scene, overrides)
-    script = script_of(description, servo, slide)
-    if servo is not None or slide is not None:
-        description = replace(description, motion=None)  # the user's own takes its place
+    description, script = _scene_and_script(scene, overrides, servo, slide)
     steps, description = _steps(description, script, duration), script.started(description)
     check_out("--out", out, (".npz",))
     with naming_file(scene, overrides):
@@ -193,6 +190,17 @@ def _displacement(simulation: Simulation) -> dict[str, Any]:
     """Return the node that is farthest from its place in the undeformed shape, and how far [m]."""
     moved = np.linalg.norm(simulation.positions - simulation.mesh.nodes, axis=1)
     return {"node": int(np.argmax(moved)), "largest": float(np.max(moved))}
+
+
+def _scene_and_script(
+    source: str, overrides: Sequence[str], servo: str | None, slide: str | None
+) -> tuple[Scene, Script]:
+    """Return a scene and what its servos do; its own motion is dropped where the user gives one. Raises SceneError."""
+    scene = load_scene(source, overrides)
+    with naming_file(source, overrides):
+        script = script_of(scene, servo, slide)
+    own = servo is None and slide is None
+    return (scene if own else replace(scene, motion=None)), script
 
 
 def _steps(scene: Scene, script: Script, duration: float | None) -> int:

@@ -107,11 +107,18 @@ def test_messages() -> None:
 
 
 def test_packages() -> None:
-    assert doctor.check_packages().verdict is Verdict.OK
-    check = doctor.check_packages(lambda name: None if name in ("osqp", "viser") else name)
-    assert (check.name, check.verdict) == ("packages", Verdict.FAIL)
-    assert_names(check.found, "osqp", "viser")
+    assert doctor.check_packages("packages", doctor.SIMULATOR).verdict is Verdict.OK
+    there = lambda name: None if name in ("mcap", "viser") else name  # noqa: E731
+    check = doctor.check_packages("packages of nodes", doctor.NODES, there)
+    assert (check.name, check.verdict) == ("packages of nodes", Verdict.FAIL)
+    assert_names(check.found, "mcap", "viser")
     assert_names(check.advice, "make setup")
+
+
+def test_without_the_nodes_packages_the_machine_simulates() -> None:
+    bad = [Check(name, Verdict.FAIL, "", "") for name in doctor.OF_NODES]
+    assert_names(doctor_command.verdict_line(bad), "tripod run", *doctor.OF_NODES)
+    assert "tripod run" not in doctor_command.verdict_line([*bad, Check("packages", Verdict.FAIL, "", "")])
 
 
 def test_page_port() -> None:

@@ -86,7 +86,7 @@ def short(*words: str, **more: Any) -> dict[str, str]:
 def test_the_measured_error_is_told_with_its_meaning_and_what_makes_it_smaller() -> None:
     found = short()
     assert_names(found["result"], "41.3 mm", "still moving")
-    assert_names(found["error"], "1.3 %", "of the motion", "measured", "study of this scene")
+    assert_names(found["error"], "1.3 %", "measured", "study of this scene", "free corner")
     assert not names(found["error"], 3, "%"), "no bound beside a measured value"
     assert_names(found["cost"], "25 ms", "2.5 s")
     assert_names(found["next"], "tripod run cloth --accuracy 1%")

@@ -464,6 +464,7 @@ BASE = scene_to_toml(load_scene("tripod"))
         ('name = "a"\n[[platform]]\nposition = [0, 0, 0]', ("platform.0.hold", "missing")),
         ("name = ", ("scene.toml", "not valid TOML", "invalid value", "end of document")),
         (BASE + "[material]\n", ("scene.toml", "not valid TOML",)),
+        ('name = "a"\ndt = 5ms\n', ("scene.toml, line 2", "not valid TOML", "quotes", '"5ms"')),
         (b'name = "\xff"', ("scene.toml", "not UTF-8",)),
         ("#" * (MAX_BYTES + 1), ("scene.toml", "larger", f"{MAX_BYTES} bytes")),
         ("v = " + "[" * 20_000, ("scene.toml", "not valid TOML", "nested")),

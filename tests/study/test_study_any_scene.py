@@ -218,6 +218,12 @@ def test_where_no_mesh_is_finer_the_errors_say_that_they_are_without_it(tmp_path
     coarse = plan(Subject("tripod", duration=0.4), quick=True)
     assert_names(coarse.note, "finer mesh")
     assert_names(coarse.quantities[0].what, *without)
+    whole = plan(
+        Subject("tripod", duration=0.4), quick=False
+    )  # another element errs otherwise than the reference
+    assert {p.settings["mesh.element"] for p in whole.points} == {
+        whole.default["mesh.element"]
+    } or not whole.note
     bodies = plan(Subject("finger", duration=0.05), quick=True)
     assert_names(bodies.note, "[[body]]", "not refined")
     assert_names(bodies.quantities[0].what, *without)

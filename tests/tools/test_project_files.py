@@ -4,12 +4,14 @@ import re
 import subprocess
 import tomllib
 import xml.etree.ElementTree as ET
+from importlib.metadata import distributions
 from itertools import chain
 from pathlib import Path
 
 import pytest
 import yaml
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
@@ -83,6 +85,14 @@ def test_dependencies_are_ranges_that_the_pins_of_constraints_are_in() -> None:
     assert len(direct) > 30
     assert not [str(r) for r in direct if not r.specifier or any(s.operator == "==" for s in r.specifier)]
     assert not [str(r) for r in direct if constraints.get(canonicalize_name(r.name), "") not in r.specifier]
+
+
+def test_the_oldest_python_takes_every_pinned_package() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    oldest = project["requires-python"].removeprefix(">=") + ".0"
+    wanted = {d.metadata["Name"]: d.metadata.get("Requires-Python") for d in distributions()}
+    assert len(wanted) > 50
+    assert not [name for name, range_ in wanted.items() if range_ and oldest not in SpecifierSet(range_)]
 
 
 def test_the_version_is_the_same_everywhere() -> None:

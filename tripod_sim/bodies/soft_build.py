@@ -271,22 +271,30 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
                 f"nothing holds body {first.table.name!r}; a scene without [inertia] leaves it where it is: "
                 "add [[fixed]] or [inertia]"
             )
-    return groups, (*notes, *([] if static else _loose_parts(groups, assembly)))
+    return groups, (*notes, *_separate_parts(groups, assembly, static=static))
 
 
-def _loose_parts(groups: Groups, assembly: Assembly) -> Iterator[str]:
-    """Yield notes on bodies of which one part is held and another, which shares no node with it, is not."""
+def _separate_parts(groups: Groups, assembly: Assembly, *, static: bool) -> Iterator[str]:
+    """Yield notes on bodies with parts that share no node.
+
+    `static`: whether every part has to be held, so that no note is needed on one that is not.
+    """
     blocks = [block for body in assembly.bodies for block in body.blocks]
     label = connected_parts([*blocks, *(body[None] for body in groups.rigid)], groups.size)
     held = label[groups.held().any(axis=1)]
     for body in assembly.bodies:
         own = np.unique(label[body.nodes])
         loose = np.setdiff1d(own, held)
-        if 0 < len(loose) < len(own):
+        if not static and 0 < len(loose) < len(own):
             some = names_of(np.flatnonzero(label[body.nodes] == loose[0]))
             yield (
                 f"body {body.table.name!r} has {len(own)} parts that share no node, and nothing holds the one "
                 f"with nodes {some}, which moves by itself: join the parts or hold that one with [[fixed]]"
+            )
+        elif body.solid and len(own) > 1:
+            yield (
+                f"body {body.table.name!r} has {len(own)} parts that share no node: if it is one piece, its mesh has a "
+                f"gap, beside nodes {names_of(np.flatnonzero(label[body.nodes] == own[-1]))}"
             )
 
 

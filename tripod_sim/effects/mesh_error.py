@@ -1,5 +1,6 @@
 """Effect: the error that the mesh makes of the effector's position, estimated while the scene runs."""
 
+import math
 from dataclasses import dataclass
 
 from tripod_sim.effect import Described, Effect, Need
@@ -45,8 +46,14 @@ def check(table: MeshError, scene: Described) -> None:
             f"mesh_error: clamp.stiffness is {stiffness:g} N/m⁴, so strips of this material slip over "
             f"{1000.0 * (shear / stiffness) ** 0.5:.2g} mm in their clamps. Below {1000.0 * SLIP:g} mm a "
             "fine mesh creases at the edge and gives no error: set clamp.stiffness to at most "
-            f"{shear / SLIP**2:.2g}"
+            f"{_rounded_down(shear / SLIP**2):g}"
         )
+
+
+def _rounded_down(value: float) -> float:
+    """Return a positive number with two digits, no larger than it is."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / unit) * unit:.2g}")
 
 
 EFFECT = Effect(

@@ -37,6 +37,10 @@ def check(servos: Servos, scene: Described) -> None:
             )
 
 
+LEVEL = 1e-6
+"""Height above the plane of an arm from which on a strip is not in it [m]."""
+
+
 def hold(servos: Servos, draft: Draft) -> None:
     """Let each arm drive what it holds."""
     from tripod_sim.robot.arms import servo_arms
@@ -44,6 +48,14 @@ def hold(servos: Servos, draft: Draft) -> None:
     joints = draft.model.joints
     assert joints
     draft.driven = servo_arms(joints, draft.sets)
+    for i, (arm, frame) in enumerate(zip(joints.arms, draft.driven, strict=True)):
+        up = arm.frame[:, 2]
+        heights = (draft.rest[frame.nodes] - arm.hub) @ up - arm.table.axis_depth
+        if (not isinstance(arm.held, str) and heights.min() > LEVEL) or heights.max() < -LEVEL:
+            draft.notes.append(
+                f"servo_{i} holds nodes {1e3 * heights.min():.3g} to {1e3 * heights.max():.3g} mm above the plane that "
+                "its arm is made for, z = 0 of the body: move the mesh into that plane, or change servos.axis_depth"
+            )
 
 
 EFFECT = Effect(

@@ -129,8 +129,8 @@ class NodeSets:
             return self.nodes(name, f"{field}.set")
         return self.inside(NodeSet(field, low=low, high=high), field)
 
-    def inside(self, table: NodeSet, where: str) -> IndexArray:
-        """Return the nodes of a table, ascending. Raises SceneError, which begins with `where`, if there are none."""
+    def inside(self, table: NodeSet, where: str, remedy: str = "move or enlarge the place") -> IndexArray:
+        """Return the nodes of a table, ascending. Raises SceneError, from `where` to `remedy`, if there are none."""
         far = _distance(table, self._nodes)
         if table.body:
             if table.body not in self._bodies:
@@ -149,7 +149,7 @@ class NodeSets:
             place = ", ".join(f"{c:.4g}" for c in self._nodes[near])
             raise SceneError(
                 f"{where} holds no node of the body; the nearest is node {near} at ({place}) m, "
-                f"{far[near]:.3g} m away. The body reaches from {low} to {high} m: move or enlarge the place"
+                f"{far[near]:.3g} m away. The body reaches from {low} to {high} m: {remedy}"
             )
         return found
 

@@ -4,6 +4,9 @@ from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.tables.joints import Joints
 
+SMALLER = "make clamp_radius smaller, or turn, move or scale the mesh so that a strip lies along each arm"
+"""What to do where an arm holds no node."""
+
 
 def servo_arms(joints: Joints, sets: NodeSets) -> tuple[DrivenFrame, ...]:
     """Return the driven frame of each servo. Raises SceneError where there is no such set, or no node in it."""
@@ -11,7 +14,7 @@ def servo_arms(joints: Joints, sets: NodeSets) -> tuple[DrivenFrame, ...]:
         DrivenFrame(
             sets.nodes(arm.held, arm.field)
             if isinstance(arm.held, str)
-            else sets.inside(arm.held, arm.field),
+            else sets.inside(arm.held, arm.field, SMALLER),
             arm.axis,
             arm.hub,
             arm.inward,

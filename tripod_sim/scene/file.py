@@ -26,6 +26,9 @@ MOST_DOTS = 1000
 AUTO = "auto"
 """As dt: the simulator divides the steps."""
 
+WITH_UNIT = re.compile(r"[-+.0-9eE]+ ?[A-Za-z/³²]+")
+"""A number with a unit, as `100kPa`."""
+
 LONGEST_PATH = 100
 """Characters of the path of an override; no field is as deep."""
 
@@ -91,7 +94,7 @@ def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str], 
     try:
         table = _parse(text)
     except ValueError as error:
-        raise SceneError(f"{what} is not valid TOML: {error}") from None
+        raise SceneError(f"{_broken_line(text, what, file, str(error))}") from None
     words = list(overrides)
     _override_all(table, words)
     lists = [table[key] for key in ("obstacles", "rigid", "body") if isinstance(table.get(key), list)]
@@ -106,6 +109,18 @@ def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str], 
         raise SceneError(f"{_place(str(error), text, file, words)}{error}") from None
     assert isinstance(scene, Scene)
     return scene
+
+
+def _broken_line(text: str, what: str, file: str, error: str) -> str:
+    """Return what is said of a text that is no TOML: where, why, and what to do if it is a unit without quotes."""
+    reason, _, place = error.partition(" (at line ")
+    number = place.partition(",")[0]
+    if not number.isdigit():
+        return f"{what} is not valid TOML: {error}"
+    line = text.splitlines()[int(number) - 1] if int(number) <= len(text.splitlines()) else ""
+    value = line.partition("=")[2].partition("#")[0].strip()
+    quotes = f'; a value with its unit stands in quotes: "{value}"' if WITH_UNIT.fullmatch(value) else ""
+    return f"{f'{file}, line {number}: ' if file else ''}{what} is not valid TOML: {reason} (line {number}){quotes}"
 
 
 def _place(message: str, text: str, file: str, overrides: Iterable[str]) -> str:

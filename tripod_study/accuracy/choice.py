@@ -475,11 +475,6 @@ def _sentence(
 
 
 def _error_words(study: StoredStudy, point: StoredPoint) -> str:
-    """Return for each quantity the error that a study measured at a point, then what it promises for other cases."""
-    wide = margins(study.name, 1 + len(study.others))
-    rows = zip(_measured(point), expected(study, point), wide, (study.quantity, *study.others), strict=True)
-    return ", and ".join(
-        f"error about {percent(here)} (measured), expected below {percent(bound)} in {_other_cases(study)} (margin: "
-        f"{margin:g} times the difference from the reference, plus the error of the reference), of: {what}"
-        for here, bound, margin, what in rows
-    )
+    """Return the error that a study measured at a point, and what it promises for other cases."""
+    here, bound = percent(measured(study, point)), percent(promised(study, point))
+    return f"error about {here} in the study, at most {bound} in {_other_cases(study)} ({quantities(study)})"

@@ -66,6 +66,7 @@ class AccuracyFigures:
             err included; None where its settings are not in the study, or anything else is not as the study had it.
         bound: Relative error that is promised for other motions; None likewise.
         line: What is known of the error, for people.
+        settings: Of the scene, as of an offer; empty where the study has no point with them.
         here_seconds: Of this machine, as the study has it [s]; None where that or the machine's speed is not known.
         offers: See `WISHES`.
         dots: Cost [s] and measured error of each point that worked.
@@ -79,6 +80,7 @@ class AccuracyFigures:
     measured: float | None = None
     bound: float | None = None
     line: str = ""
+    settings: str = ""
     here_seconds: float | None = None
     offers: tuple[Offer, ...] = ()
     dots: tuple[tuple[float, float], ...] = ()
@@ -119,6 +121,7 @@ def accuracy_summary(
         measured=measured(study, point) if point else None,
         bound=promised(study, point) if point else None,
         line=line,
+        settings=settings_text(point) if point else "",
         here_seconds=point.cpu * scale if point and scale else None,
         offers=tuple(_offer(wish, study, scene, scale, seen=not strange) for wish in WISHES),
         dots=tuple(dots[:MOST_DOTS]),

@@ -19,13 +19,13 @@ function accuracy() {
     const run = value("run");
     if (!figures) return;
     const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
-    const cost = seconds ? `, ${milli(run.step)} a step, ${Number((1 / seconds).toPrecision(2))} x real time` : "";
+    const cost = seconds ? `; now ${milli(run.step)} a step, ${Number((1 / seconds).toPrecision(2))} x real time` : "";
     const known = figures.measured !== null && figures.measured !== undefined;
     const error = known ? `about ${percent(figures.measured)} (measured in the accuracy study)` : figures.line;
     setText(here, `You are here: error ${error}${cost}`);
     here.title = bound(figures);
     picture.replaceChildren(...(figures.front?.length ? [front(figures, known ? seconds ?? figures.here_seconds : null)] : []));
-    setText(about, figures.study ? `Errors as the accuracy study ${figures.study} measured them, of: ${figures.quantity}. Times of ${figures.scaled ? "this" : "the study's"} machine.` : "");
+    setText(about, figures.study ? `Errors as the accuracy study ${figures.study} measured them, of: ${figures.quantity}. Times of ${figures.scaled ? "this" : "the study's"} machine, in the study's motion.` : "");
   };
   listen("accuracy", (figures) => {
     show();
@@ -58,9 +58,10 @@ function offered(offer, figures) {
   const choose = button(offer.wish.replace("%", " %"), () => send({ accuracy: offer.wish }), offer.why_not || `Start again with ${offer.settings}${offer.bound === null ? "" : `; error ${bound(offer)}`}`);
   choose.disabled = Boolean(offer.why_not);
   if (offer.why_not) return row([choose, "none", "", ""]);
+  const here = offer.settings && offer.settings === figures.settings;
   const times = offer.seconds && !figures.solves ? Number((1 / offer.seconds).toPrecision(2)) : "not known";
   const error = offer.measured === null ? "not known" : percent(offer.measured);
-  return row([choose, error, offer.step ? milli(offer.step) : "not known", String(times)]);
+  return row([choose, here ? `${error} (as now)` : error, offer.step ? milli(offer.step) : "not known", String(times)]);
 }
 
 function row(cells, tag = "td") {
