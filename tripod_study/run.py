@@ -3,6 +3,7 @@
 import time as clock
 from array import array
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -197,9 +198,9 @@ def _scene_and_script(
 ) -> tuple[Scene, Script]:
     """Return a scene and what its servos do; its own motion is dropped where the user gives one. Raises SceneError."""
     scene = load_scene(source, overrides)
-    with naming_file(source, overrides):
-        script = script_of(scene, servo, slide)
     own = servo is None and slide is None
+    with naming_file(source, overrides) if own else nullcontext():
+        script = script_of(scene, servo, slide)
     return (scene if own else replace(scene, motion=None)), script
 
 
