@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from tests.messages import assert_names, lines_naming, raises_naming
+from tests.messages import assert_names, lines_naming, names, raises_naming
 from tripod_sim import Simulation
 from tripod_sim.build import build
 from tripod_sim.effects.gravity import Gravity
@@ -222,8 +222,11 @@ def test_a_static_scene_with_a_loose_part_is_refused_and_one_in_motion_is_not(tm
     build(Scene("two", source, Material(), fixed=(left, right)))
     for fixed, count in ((left,), 1), ((left, right), 0), ((), 0):
         notes = build(Scene("two", source, Material(), fixed=fixed, inertia=Inertia())).notes
-        assert len(lines_naming("\n".join(notes), "2 parts")) == count
-        assert len(lines_naming("\n".join(notes), "body 'body'", "no node", *loose)) == count
+        told = lines_naming("\n".join(notes), "2 parts")
+        assert len(told) == 1
+        assert names(told[0], "by itself") == bool(count)
+        assert names(told[0], "gap") == (not count)
+        assert_names(told[0], "body 'body'", "no node", *loose)
 
 
 def test_a_mesh_that_was_accepted_is_checked_once_and_another_like_it_again(
