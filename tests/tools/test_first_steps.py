@@ -144,7 +144,8 @@ def effector(shown: str) -> list[float]:
 def test_two_terminals_of_on_the_robot(terminal: Terminal, checkout: Path, domain: int) -> None:
     first, second = ["source .venv/bin/activate", "tripod up"], ["source .venv/bin/activate", "tripod teleop"]
     assert commands(ROBOT)[:4] == first + second
-    assert all(line.startswith(BOARD) for line in commands(ROBOT)[4:])
+    own = re.compile(r"(POSE|PARK|SLIDE)=.*|tripod up \$SLIDE")  # the next test types these
+    assert all(line.startswith(BOARD) or own.fullmatch(line) for line in commands(ROBOT)[4:])
     terminal.type(first[0])
     terminal.start(first[1], WAITS[r"tripod up( --scene \S+)?"])
     keys = Terminal(checkout, {**os.environ, "PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": str(domain)})
@@ -152,4 +153,15 @@ def test_two_terminals_of_on_the_robot(terminal: Terminal, checkout: Path, domai
     keys.start(second[1], r"servos go")
     assert keys.finish("q")[0] == 0
     keys.close()
+    assert terminal.finish()[0] == 0
+
+
+@pytest.mark.slow
+def test_the_slide_that_is_fastened(terminal: Terminal) -> None:
+    lines = commands(ROBOT)
+    first = next(k for k, line in enumerate(lines) if line.startswith("POSE="))
+    terminal.type("source .venv/bin/activate")
+    for line in lines[first : first + 3]:
+        assert terminal.type(line)[0] == 0
+    assert "sim parked" in terminal.start(lines[first + 3], WAITS[r"tripod up( --scene \S+)?"])
     assert terminal.finish()[0] == 0
