@@ -25,6 +25,7 @@ COMMANDS = sorted(
 )
 GIVEN = {
     "robot.yaml",
+    "practice.yaml",
     "robot.toml",
     "robot.json",
     "robot.html",
