@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks import accuracy_overview
 from benchmarks.doc_parts import folded
 from tripod_bringup.study_files import error_text, seconds
-from tripod_bringup.study_plans import PLANS
+from tripod_bringup.study_plans import PLANS, plan
 from tripod_study.advice import knob_that_pays, short
 from tripod_study.fingerprint import fingerprint
 
@@ -222,7 +222,7 @@ def scene_files(found: list[dict[str, Any]]) -> dict[Path, str]:
 
 def old(found: list[dict[str, Any]]) -> list[str]:
     """Return in words which studies were measured with other code than this."""
-    codes = {r["study"]: (r["versions"].get("code"), fingerprint(PLANS[r["study"]])) for r in found}
+    codes = {r["study"]: (r["versions"].get("code"), fingerprint(plan(r["study"], quick=False).module)) for r in found}
     return [
         f"{name}: measured with code {code}, here it is {here}"
         for name, (code, here) in codes.items()

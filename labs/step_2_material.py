@@ -49,10 +49,10 @@ for law in ("neo_hooke", "stable_neo_hooke", "corotational", "st_venant_kirchhof
 # ## What does accuracy cost?
 #
 # A mesh makes the piece stiffer or softer than the silicone is. Elements differ: `t4` are linear tetrahedra, `h8_modes`
-# are bricks that can bend, `h20` are quadratic bricks. `mesh.level` is the number of a prepared mesh of the piece. Levels 1
-# to 4 have one layer of elements through the thickness, and more and more elements along and across the strips. Levels 5 and
-# 6 have two layers, level 7 has three. The errors refer to `h20` on level 4. **Question: how large is the error of linear tetrahedra in
-# percent, and can a finer mesh of them repair it?**
+# are bricks that can bend, `h20` are quadratic bricks. `mesh.level` is the number of a prepared mesh of the piece.
+# Levels 1 to 4 have one layer of elements through the thickness, and more and more elements along and across the
+# strips. Levels 5 and 6 have two layers, level 7 has three. The errors refer to `h20` on level 4. **Question: how large
+# is the error of linear tetrahedra in percent, and can a finer mesh of them repair it?**
 
 
 # %%
@@ -80,10 +80,10 @@ plt.show()
 # One layer of linear tetrahedra cannot bend. This is called locking. More layers help slowly. Another element helps at
 # once, in less time than the finest tetrahedra take.
 #
-# With `h8_modes` the error grows on finer meshes. Two errors cancel on level 1: short of elements along the strip a mesh is
-# too stiff, and one layer is a little too soft. The second remains on level 4. Besides, the reference itself is about 0.2 %
-# too stiff: with all its edges halved (`mesh.refine=1`) it sags by 75.18 mm in place of 75.01 mm. So differences of 0.2 %
-# say nothing here.
+# With `h8_modes` the error grows on finer meshes. Two errors cancel on level 1: short of elements along the strip a
+# mesh is too stiff, and one layer is a little too soft. The second remains on level 4. Besides, the reference itself is
+# about 0.2 % too stiff: with all its edges halved (`mesh.refine=1`) it sags by 75.18 mm in place of 75.01 mm. So
+# differences of 0.2 % say nothing here.
 #
 # ## Break it
 #
