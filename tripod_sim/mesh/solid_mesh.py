@@ -51,6 +51,18 @@ class Faces(NamedTuple):
         """Corners of each face in a loop, shape (k, corners)."""
         return self.nodes[:, : self.shape.corners]
 
+    def functions(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return N_a, dN_a/ds and dN_a/dt at the quadrature points of the shape, each of shape (q, nodes of a face).
+
+        s and t are the coordinates of the face; the normal x_s × x_t points out of the element.
+        """
+        own, shape = list(self.own), self.shape
+        corners = self.kind.reference[own[: shape.corners]]
+        points, (along, across) = shape.shares @ corners, shape.slopes @ corners
+        slopes = self.kind.gradients(points)[:, own]
+        first, second = (np.einsum("qaj,qj->qa", slopes, way) for way in (along, across))
+        return self.kind.functions(points)[:, own], first, second
+
 
 @dataclass(frozen=True, eq=False)
 class SolidMesh:
@@ -126,6 +138,14 @@ class SolidMesh:
         """Boundary triangles, shape (k, 3), counter-clockwise seen from outside."""
         found = [f.nodes[:, list(t)] for f in self.boundary for t in f.shape.triangles]
         return np.concatenate(found)
+
+    def faces_within(self, nodes: IndexArray) -> list[Faces]:
+        """Return the faces of the boundary whose nodes are all among `nodes`; there may be none."""
+        found = [
+            faces._replace(nodes=faces.nodes[np.isin(faces.nodes, nodes).all(axis=1)])
+            for faces in self.boundary
+        ]
+        return [faces for faces in found if len(faces.nodes)]
 
     @cached_property
     def overfull_nodes(self) -> IndexArray:

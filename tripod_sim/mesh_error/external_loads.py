@@ -15,6 +15,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.described import described_mesh
+from tripod_sim.mesh.embedding import reference_coordinates
 from tripod_sim.mesh.solid_mesh import SolidMesh, solid_volumes
 from tripod_sim.mesh_error.support import Support
 from tripod_sim.model import Model
@@ -84,7 +85,7 @@ class ExternalLoads:
         assert body.mesh and body.material and isinstance(richer.mesh, SolidMesh)
         parts = build_model(alone(model, body.mesh))
         system = self.system = parts.system
-        joints = len(system.groups.driven) + 1 + bool(system.groups.prescribed)
+        joints = system.groups.joints
         self._count, self._state = len(mesh.nodes), system.start_state(np.zeros(joints))
         self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
         self._held = system.groups.held()
@@ -241,11 +242,7 @@ def interpolation(mesh: SolidMesh, points: FloatArray) -> tuple[IndexArray, Floa
     best, least = np.zeros((len(points), 3)), np.full(len(points), np.inf)
     chosen = candidates[:, 0].copy()
     for k in range(near):
-        nodes, xi = corners[candidates[:, k]], np.repeat(kind.centre, len(points), axis=0)
-        for _ in range(10):
-            miss = points - np.einsum("pa,pai->pi", kind.functions(xi), nodes)
-            jacobian = np.einsum("paj,pai->pij", kind.gradients(xi), nodes)
-            xi = np.clip(xi + np.linalg.solve(jacobian, miss[:, :, None])[:, :, 0], -2.0, 2.0)
+        xi = reference_coordinates(kind, corners[candidates[:, k]], points, kind.centre, 10)
         beyond = kind.beyond(xi)
         nearer = beyond < least - 1e-9
         best[nearer], least[nearer], chosen[nearer] = xi[nearer], beyond[nearer], candidates[nearer, k]
