@@ -83,7 +83,9 @@ def descents(found: Trees) -> list[str]:
     return [
         f"{path}: {function.name}"
         for path, function in _functions(found)
-        if "/linear/" not in path and "/mesh_error/" not in path
+        if not any(
+            room in path for room in ("/linear/", "/mesh/", "/mesh_error/")
+        )  # maps of elements are none
         if any(_descends(function.name, _calls(loop)) for loop in _loops(function))
     ]
 

@@ -90,7 +90,8 @@ def _built(model: Model, progress: Progress | None = None, say: Say | None = Non
     held = held_groups(
         draft.rest.shape, draft.rigid, draft.driven, draft.fixed, draft.moved, draft.prescribed
     )
-    held = replace(held, free=len(model.rigid))
+    actuators = len(model.joints.others) if model.joints else 0
+    held = replace(held, free=len(model.rigid), actuators=actuators)
     draft.groups, said = with_held(held, assembly, static=not model.scheme)
     if platforms or not model.scheme:
         while_held = "while a platform is brought to its place" if platforms else "without inertia"

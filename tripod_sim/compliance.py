@@ -84,9 +84,9 @@ def compliance(
     """
     if not system.groups.rigid:
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
-    s = len(system.groups.driven)
+    s = system.actuators
     at = _factored(system, state, rest)
-    torques, soft = system.torques.copy(), None
+    efforts, soft = system.efforts.copy(), None
     first = 3 * system.reduction.free_count
     effector = first + np.arange(6)
     try:
@@ -105,7 +105,7 @@ def compliance(
                 rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
                 at = _factored(system, state, rest)
                 answers = _answers(system, effector)
-            torques = system.torques.copy()
+            efforts = system.efforts.copy()
             answer = _response(system, effector, answers)
             soft = softest.stability_margin(system, at, answers) if softest else None
     except LinearError as error:
@@ -135,7 +135,7 @@ def compliance(
         fall[:3] = at.centres[0] - state.centres[0]
         fall[3:] = rotation_vector(at.rotations[0] @ state.rotations[0].T)
     return Compliance(
-        w, state.joints[:s].copy(), float(state.joints[s]), torques, state.centres[0].copy(),
+        w, state.joints[:s].copy(), float(state.joints[s]), efforts, state.centres[0].copy(),
         quaternion(state.rotations[0]), fall, soft,
     )  # fmt: skip
 
@@ -165,7 +165,7 @@ def _factored(system: System, state: State, rest: "RestState | None") -> State:
 
 def _answers(system: System, unknowns: IndexArray) -> FloatArray:
     """Return K⁻¹ of unit forces on `unknowns`, shape (z,), of the drive and of the residual. Raises LinearError."""
-    reduction, z, s = system.reduction, len(unknowns), len(system.groups.driven)
+    reduction, z, s = system.reduction, len(unknowns), system.actuators
     right = np.zeros((reduction.unknowns, z + s + 1))
     right[unknowns, np.arange(z)] = 1.0
     right[:, z:-1], right[:, -1] = reduction.drive, system.residual

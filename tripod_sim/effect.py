@@ -24,14 +24,19 @@ from tripod_host.arrays import BoolArray, FloatArray
 from tripod_sim.constraints.held import Holding
 from tripod_sim.model import Model
 from tripod_sim.tables.fields import Described
+from tripod_sim.tables.joints import Actuator
 
 if TYPE_CHECKING:
     from tripod_sim.constraints.groups import DrivenFrame, Groups
     from tripod_sim.constraints.prescribed import Prescribed
+    from tripod_sim.forces.actuator import ActuatorTerm
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.forces.term import Term
 
+
+TURN = 1.5
+"""Turn of a servo that counts as much as the whole range of another actuator [rad]."""
 
 Parts = Any
 """The `tripod_sim.steps.parts.Parts` of a simulation, which name all of physics."""
@@ -60,6 +65,7 @@ class Draft:
         plate, ball: The maze on the disc, and how its ball moves; None without.
         notes: What users should know of it, one sentence each.
         watches: See `tripod_sim.steps.parts.Parts`.
+        prepared: What an effect keeps for a later phase, by its name.
     """
 
     model: Model
@@ -83,6 +89,12 @@ class Draft:
     ball: Any = None
     notes: list[str] = field(default_factory=list)
     watches: list[Callable[[FloatArray], str]] = field(default_factory=list)
+    prepared: dict[str, Any] = field(default_factory=dict)
+
+    def add_actuator(self, term: "ActuatorTerm", joint: Actuator) -> None:
+        """Add a term with a commanded coordinate; of all effects in the order of `Joints.others`."""
+        term.value, term.span = joint.start, (joint.high - joint.low) / TURN
+        self.terms.append(term)
 
 
 class Need(NamedTuple):

@@ -101,8 +101,8 @@ class RestState:
 
     def _left_by(self, moving: State, rest: State) -> bool:
         """Return whether the body is not where it is said to rest, and no longer on its way there."""
-        turn, s = np.abs(moving.joints - rest.joints), len(self._system.groups.driven)
-        if turn[:s].max(initial=0.0) > FAR or turn[s] > SLID or turn[s + 1 :].any():
+        move, s = moving.joints - rest.joints, self._system.actuators
+        if self._system.turns(move).max(initial=0.0) > FAR or abs(move[s]) > SLID or move[s + 1 :].any():
             return True
         slow = np.abs(moving.velocities).max() < CALM
         held = len(self._system.groups.rigid)

@@ -105,8 +105,8 @@ class Simulation:
         state: Positions, velocities, joints, time, which each step overwrites; read it, change it only through the
             methods.
         report: What the last step took.
-        torques: Torque that each servo exerts on the body, about its axis towards growing angle [N m], shape (s,); each
-            step makes a new array.
+        efforts: dV/dq of each actuator, shape (a,): the torque that a servo exerts on the body, about its axis towards
+            growing angle [N m]; of others see `forces.actuator`. Each step makes a new array.
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
         notes: What users should know of the scene.
     """
@@ -121,8 +121,8 @@ class Simulation:
     ) -> None:
         """Build the simulation and put it in its start state. Kernels compile here, never in the first step.
 
-        A body that servos hold starts in static equilibrium at their start angles; any other starts undeformed, or bent
-        as far as platforms ask for.
+        A body that servos hold, or that is fixed and has other actuators, starts in static equilibrium at their start
+        values; any other starts undeformed, or bent as far as platforms ask for.
 
         Args:
             scene: What to simulate.
@@ -143,7 +143,8 @@ class Simulation:
         parts = self._parts = build_model(model, progress, say)
         self.note(*(parts.plate.board.notes if parts.plate else ()), *parts.notes)
         self.joints = model.joints
-        posed = bool(self.joints or model.platforms or (scene.fixed and model.discs))
+        self._begins_at_rest = bool(self.joints and (self.joints.arms or scene.fixed or not model.scheme))
+        posed = self._begins_at_rest or model.platforms or (scene.fixed and model.discs)
         self._static = build_model(model.at_rest(), progress) if model.scheme and posed else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
@@ -152,8 +153,7 @@ class Simulation:
             parts.stepper,
         )
         self._renew, self._watches = getattr(self._stepper, "renew", None), parts.watches
-        count = len(self._system.groups.driven)
-        joints = self.joints.start if self.joints else np.zeros(count + 1)
+        count = self._system.actuators
         self._prescribed = self._system.groups.prescribed
         self.state = self._begin(np.zeros(count + 1 + bool(self._prescribed)))
         if parts.rigid:
@@ -174,11 +174,11 @@ class Simulation:
         if scene.platform and not self._softest:
             self.note(UNSTABLE_START)
         with self._explained():
-            self._find_start(parts, joints, say or (lambda text: None))
+            self._find_start(parts, say or (lambda text: None))
         if self._servos:
             self._measure_reactions(self._servos, undeformed)
             self._measure_reactions(self._servos, self.state.copy())
-            self.state.servos = self._servos.start(self.state.joints[:count])
+            self.state.servos = self._servos.start(self.state.joints[: self._servo_count])
             self._next = self.state.servos.copy()
         if self._ball:
             self.state.ball = self._ball.start(self.state)
@@ -226,11 +226,14 @@ class Simulation:
         """Return the undeformed state; where bodies do not fit so, that of rest."""
         return (self._static if self.scene.platform else self._parts).system.start_state(joints)
 
-    def _find_start(self, parts: Parts, joints: FloatArray, say: Callable[[str], None]) -> None:
-        """Bring the body to rest with servo angles and slide at `joints`, check that, and rehearse a step."""
-        if self.joints:
+    def _find_start(self, parts: Parts, say: Callable[[str], None]) -> None:
+        """Bring the body to rest with the joints where they start, check that, and rehearse a step."""
+        if self._begins_at_rest:
             say("finding the pose of rest at the start")
-            self._pose(self._goal(joints, 0.0))
+            assert self.joints
+            self._pose(self._goal(self.joints.start, 0.0))
+        elif self.joints:
+            self.state.joints[: self._system.actuators + 1] = self.joints.start
         if parts.check_start:
             parts.check_start(self.state.positions)
         say("rehearsing the first step")
@@ -289,10 +292,8 @@ class Simulation:
         keep = self.state.copy()
         try:
             self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
-            if len(self._system.groups.driven) or self._prescribed:
-                turned = self._goal(
-                    self.command + np.array([1e-4] * len(self.torques) + [0.0]), REHEARSED * self.scene.dt
-                )
+            if len(self.torques) or self._prescribed:
+                turned = self._goal(self.command + self._small_turn(), REHEARSED * self.scene.dt)
                 self._stepper.step(self.state, turned, self.scene.dt)
         except StepError:
             if not (self.scene.inertia and self.scene.inertia.explicit):
@@ -317,7 +318,7 @@ class Simulation:
 
     def _reaction(self, parts: Parts, start: State, dt: float) -> FloatArray:
         """Return the sum of |d torque_i / d angle_j| over i for each j, in a step of `dt` from `start` [N m / rad]."""
-        count, turn = len(self.torques), 1e-4
+        count, turn = self._servo_count, 1e-4
         torques = np.empty((count + 1, count))
         for k in range(count + 1):
             state, goal = start.copy(), start.joints.copy()
@@ -334,7 +335,7 @@ class Simulation:
         self._held_by.fill(np.nan)
         self._static.stepper.step(self.state, joints, 0.0)
         self._keep_forces(self._static.system)
-        self.torques = self._static.system.torques.copy()
+        self.torques = self._static.system.efforts.copy()
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
@@ -359,7 +360,7 @@ class Simulation:
                 until = self.state.time + self.scene.dt
                 self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
                 self._keep_forces(self._system)
-                self.torques = self._system.torques.copy()
+                self.torques = self._system.efforts.copy()
         except StepError:
             with self._explained():
                 raise
@@ -419,18 +420,31 @@ class Simulation:
     def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> None:
         """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
         servos.copy_to(self._next)
-        angles, dt = self.state.joints[: len(self.torques)], self.scene.dt
-        goal[:-1] = motion.advance(self._next, angles, goal[:-1], self.torques, dt)
+        s, dt = self._servo_count, self.scene.dt
+        angles, torques = self.state.joints[:s], self.torques[:s]
+        goal[:s] = motion.advance(self._next, angles, goal[:s], torques, dt)
         report = self._stepper.step(self.state, self._goal(goal, self.state.time + dt), dt)
         self._next.copy_to(servos)
         self._keep_forces(self._system)
-        self.torques = self._system.torques.copy()
-        report.stalled = motion.stalled(servos, self.state.joints[: len(self.torques)], self.torques)
+        self.torques = self._system.efforts.copy()
+        report.stalled = motion.stalled(servos, self.state.joints[:s], self.torques[:s])
         self.report = report
 
     def _goal(self, joints: FloatArray, time: float) -> FloatArray:
         """Return `joints`, shape (s + 1,), and where there are prescribed motions how far these are at `time` [s]."""
         return np.append(joints, min(time, self._prescribed.end)) if self._prescribed else joints
+
+    @property
+    def _servo_count(self) -> int:
+        return len(self._system.groups.driven)
+
+    def _small_turn(self) -> FloatArray:
+        """Return a small change of what is commanded, shape (a + 1,)."""
+        turn = np.append(np.full(len(self.torques), 1e-4), 0.0)
+        if self.joints:
+            others = slice(self._servo_count, -1)
+            turn[others] *= (self.joints.high - self.joints.low)[self._servo_count :]
+        return turn
 
     def _shaped(self, joints: FloatArray) -> FloatArray:
         """Return a copy of angles and slide. Raises SceneError: another shape, or not finite."""
@@ -439,12 +453,13 @@ class Simulation:
     def _checked(self, joints: FloatArray) -> FloatArray:
         """Return a copy of angles and slide that the scene allows. Raises SceneError."""
         goal = self._shaped(joints)
-        *angles, slide = goal.tolist()
+        *commands, slide = goal.tolist()
         if s := self.joints:
-            for i, (angle, arm) in enumerate(zip(angles, s.arms, strict=True)):
-                if not arm.low - 1e-9 <= angle <= arm.high + 1e-9:
+            for value, a in zip(commands, s.actuators, strict=True):
+                slack = 1e-9 * (1.0 if a.unit == "rad" else a.high - a.low)
+                if not a.low - slack <= value <= a.high + slack:
                     raise SceneError(
-                        f"servo_{i}: angle {angle:g} rad; allowed: {arm.low:g} to {arm.high:g} rad"
+                        f"{a.name}: {a.quantity} {value:g} {a.unit}; allowed: {a.low:g} to {a.high:g} {a.unit}"
                     )
             if not -1e-9 <= slide <= s.slide_max + 1e-9:
                 raise SceneError(f"slide {slide:g} m; allowed: 0 to {s.slide_max:g} m")
@@ -555,8 +570,16 @@ class Simulation:
         """What was asked last: angles [rad] and slide [m], shape (s + 1,), a copy; the joints if servos are ideal."""
         joints = self.state.joints[: len(self.torques) + 1].copy()
         if self.state.servos:
-            joints[:-1] = self.state.servos.command
+            joints[: self._servo_count] = self.state.servos.command
         return joints
+
+    def joint_work(self) -> tuple[FloatArray, FloatArray]:
+        """Return `State.joints` with the positions of actuators (see `Joints.moved`), and their efforts, shape (a,)."""
+        joints, efforts = self.state.joints.copy(), self.torques
+        if self.joints and self.joints.others:
+            a = len(efforts)
+            joints[:a], efforts = self.joints.moved(joints[:a], efforts)
+        return joints, efforts
 
     @property
     def driven_frames(self) -> tuple[DrivenFrame, ...]:

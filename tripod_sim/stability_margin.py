@@ -109,7 +109,7 @@ class SoftestMove:
         Raises:
             LinearError: K⁻¹ cannot be applied once more.
         """
-        s = len(system.groups.driven)
+        s = system.actuators
         stiffness, moves = self._stiffnesses(system, answers[:, : 6 + s])
         rho = max(float(stiffness[0]) / self._reference, -1.0)
         if not 0 < rho < AMPLE_MARGIN:
@@ -120,7 +120,7 @@ class SoftestMove:
             u = system.linear.solve(push)
             size = float(u @ (self._weights[:, 0] * u))
         rho = max(float(u @ push) / (size * self._reference), -1.0)
-        residual, torques = -2.0 * system.residual, -2.0 * system.torques
+        residual, efforts = -2.0 * system.residual, -2.0 * system.efforts
         dx, moved = np.zeros_like(state.positions), state.copy()
         system.update_levers(state)
         system.reduction.moves(u, system.lever, dx)
@@ -129,8 +129,8 @@ class SoftestMove:
             system.move(state, u, dx, part, moved)
             system.evaluate(moved)
             residual += system.residual
-            torques += system.torques
-        change = (torques - residual @ answers[:, 6 : 6 + s]) / step**2
+            efforts += system.efforts
+        change = (efforts - residual @ answers[:, 6 : 6 + s]) / step**2
         return StabilityMargin(rho, change / (size * self._reference))
 
     def _stiffnesses(self, system: System, answers: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.reduction import Reduction, move_bodies, move_nodes, swing_nodes, write_levers
+from tripod_sim.forces.actuator import ActuatorTerm
 from tripod_sim.forces.elastic import Elastic, ElasticTerm
 from tripod_sim.forces.term import BlockTerm, StageTerm, Term
 from tripod_sim.linear.choice import LinearFactory, linear_factory
@@ -38,7 +39,10 @@ class System:
         remembers: How many numbers a stage remembers of the dampers of `elastic`; 0 where none counts.
         gradient: dPhi/dx of the last `evaluate` [N], shape (n, 3).
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
-        torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
+        actuators: Number of actuators: s driven frames, then the terms that are actuators.
+        efforts: dPhi/dq of each at the last `evaluate`, shape (actuators,): the torque that a servo exerts on the body
+            [N m]; of others see `forces.actuator`.
+        torques: Those of the driven frames, a view, shape (s,).
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
         driven: Nodes of all driven frames, and those of prescribed motions.
         factored: Whether `linear` can solve after the last `factor`, be the matrix definite or not.
@@ -80,6 +84,8 @@ class System:
         self.elastic = Elastic(elastic, self.driven, damped=damped)
         self.remembers = self.elastic.remembers
         blocks = [*(t.elements for t in elastic), *(t.elements for t in self._blocks)]
+        self._actuated = [t for t in self.terms if isinstance(t, ActuatorTerm)]
+        self.actuators = groups.commanded
         self.reduction = Reduction([*blocks, *joined], groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
         diagonal_blocks = np.append(3 * np.arange(free), 3 * free + 6 * np.arange(bodies + 1))
@@ -87,7 +93,9 @@ class System:
         self._linear: LinearSolver | None = None
         n, s = len(rest), len(groups.driven)
         self.gradient, self.lever, self.axes = np.zeros((n, 3)), self.reduction.lever, self.reduction.axes
-        self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
+        self.residual, self.efforts = np.zeros(self.reduction.unknowns), np.zeros(self.actuators)
+        self.torques = self.efforts[:s]
+        self._coupled_at = rest.copy() if self._actuated else rest  # where the Hessian was assembled
         self._no_weight = np.zeros(n)
         placed = groups.placed(rest)
         self._rest_centres = np.array([placed[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
@@ -203,23 +211,45 @@ class System:
 
     def drive(self, state: State, joints: FloatArray) -> None:
         """Put what is driven at `joints`, as `State.joints`."""
-        slide = joints[len(self._hubs)]
+        self.command(joints)
+        slide = joints[self.actuators]
         swing_nodes(self._arms, self._frame_of, *self._swing, slide, joints, state.positions)
         if self._prescribed:
             self._prescribed.place(joints[-1], state.positions)
         state.joints[:] = joints
 
+    def command(self, joints: FloatArray) -> None:
+        """Give the terms that are actuators their values of `joints`, as `State.joints`; no node is moved."""
+        for term, value in zip(self._actuated, joints[len(self.torques) :], strict=False):
+            term.value = float(value)
+
+    def runaway(self) -> str:
+        """Return in words which actuators a failed solve is likely due to, as of the last `evaluate`; empty if none."""
+        return "; ".join(words for term in self._actuated if (words := term.runaway()))
+
+    def turns(self, move: FloatArray) -> FloatArray:
+        """Return as turns of servos [rad] how far actuators go, shape (actuators,), for `move`, as `State.joints`."""
+        turns = np.abs(move[: self.actuators])
+        for k, actuator in enumerate(self._actuated, len(self.torques)):
+            turns[k] /= actuator.span
+        return turns
+
+    def moves_frames(self, before: FloatArray, joints: FloatArray) -> bool:
+        """Return whether something is driven elsewhere by `joints` than by those `before`, both as `State.joints`."""
+        s, behind = len(self.torques), self.actuators
+        return not (same(before[:s], joints[:s]) and same(before[behind:], joints[behind:]))
+
     def update_levers(self, state: State) -> None:
         """Write `lever` for the positions of `state`."""
         if not self._turns:
             return
-        r, slide = self.reduction, state.joints[len(self._hubs)]
+        r, slide = self.reduction, state.joints[self.actuators]
         write_levers(
             state.positions, state.centres, self._hubs, self._inward, slide, r.kind, r.number, r.lever
         )
 
     def evaluate(self, state: State) -> float:
-        """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is none to improve.
+        """Write `gradient`, `residual` and `efforts`; return Phi [J], infinite where there is none to improve.
 
         Where positions and modes are those of the evaluation before, its elastic forces serve again.
         """
@@ -235,6 +265,8 @@ class System:
             phi += term.add_gradient(state.positions, g)
         self.update_levers(state)
         self.reduction.gradient(g, self.residual, self.torques)
+        for k, actuator in enumerate(self._actuated, len(self.torques)):
+            self.efforts[k] = actuator.effort
         return phi
 
     def knows(self, state: State) -> bool:
@@ -325,7 +357,7 @@ class System:
             self._elastic_energy += self._damper_energy
         self._elastic_energy += self.reduction.relieve(self.residual, self._weight(), dx, change, forces)
         self.residual[:] = 0.0
-        self.torques += solution @ self.reduction.drive
+        self.efforts += solution @ self.reduction.drive
         positions, modes = self._last
         positions[:], modes[:] = state.positions, state.modes
         self._strained = self._unmoved = False
@@ -367,26 +399,43 @@ class System:
             for kept, now in zip(self._assembled, (state.positions, state.modes), strict=True):
                 kept[:] = now
             self._aimed = False  # an element that is found inside out has no damper any more
+        if self._actuated:
+            self._coupled_at[:] = state.positions
         for term in self._blocks:
             term.stiffness(state.positions, project=project)
         return self.elastic.stiffness(state.positions, state.modes, project=project)
 
-    def factor(self, shift: float = 0.0) -> bool:
+    def factor(self, shift: float = 0.0, *, curved: bool = True) -> bool:
         """Reduce and factor the Hessian of Phi with the assembled matrices; return whether it is positive definite.
 
-        `shift` [N/m] is added for each node: a matrix that is only semi-definite then has a descent direction.
+        Args:
+            shift: Added for each node [N/m]: a matrix that is only semi-definite then has a descent direction.
+            curved: Whether the second-order terms of rotations are in it (see `reduction`). Without them it is positive
+                semi-definite where the matrices are, however large the forces on rigid bodies.
         """
-        self.write_hessian(shift)
+        self.write_hessian(shift, curved=curved)
         self.factored = self.linear.factor()
         return self.factored and self.linear.is_positive()
 
-    def write_hessian(self, shift: float = 0.0) -> None:
+    def write_hessian(self, shift: float = 0.0, *, curved: bool = True) -> None:
         """Write the reduced Hessian into `reduction.pattern`, with the assembled matrices; see `factor`."""
         weight = self._weight() + shift if shift else self._weight()
         count = len(self.elastic.terms)
         parts = [(k, own, 1.0) for k, own in enumerate(self.elastic.matrices)]
         parts += [(k, term.matrices, 1.0) for k, term in enumerate(self._blocks, count)]
-        self.reduction.hessian(parts, weight, self.gradient)
+        self.reduction.hessian(parts, weight, self.gradient if curved else np.zeros_like(self.gradient))
+        for k, actuator in enumerate(self._actuated, len(self.torques)):
+            self._couple(k, actuator)
+
+    def _couple(self, k: int, actuator: ActuatorTerm) -> None:
+        """Write what actuator `k` adds to `reduction.drive` and `drive_drive`."""
+        r, s = self.reduction, len(self.torques)
+        self._change[:] = 0.0
+        actuator.add_coupling(self._coupled_at, self._change)
+        r.gradient(self._change, self._reduced, self._unused)
+        r.drive[:, k] = self._reduced
+        r.drive_drive[:s, k] = r.drive_drive[k, :s] = self._unused
+        r.drive_drive[k, k] = actuator.effort_slope
 
     def _weight(self) -> FloatArray:
         """Return the sum of the terms' weights [N/m], shape (n,)."""

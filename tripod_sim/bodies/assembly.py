@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.errors import SceneError, shown
 from tripod_sim.mesh.solid_mesh import Block, SolidMesh
 from tripod_sim.tables.bodies import Body
 
@@ -106,6 +107,23 @@ class Assembly:
     def before(self, body: SoftBody) -> str:
         """Return what stands before the names of the groups of a body: nothing for the first."""
         return "" if body is self.bodies[0] else f"{body.table.name}:"
+
+    def body_named(self, name: str, field: str, others: str = "") -> SoftBody:
+        """Return a body by its name, the first one for an empty name.
+
+        Args:
+            name: Of the body.
+            field: Where a scene names it, for the message.
+            others: What else could stand there, for the message.
+
+        Raises:
+            SceneError: there is no such body.
+        """
+        known = {body.table.name: body for body in self.bodies}
+        if name not in known and (name or not known):
+            also = f"; {others}" if others else ""
+            raise SceneError(f"{field} is {shown(name)}; bodies: {', '.join(known) or 'none'}{also}")
+        return known[name] if name else self.bodies[0]
 
     @cached_property
     def elements(self) -> IndexArray:

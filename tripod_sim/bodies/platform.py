@@ -175,7 +175,7 @@ class Bending:
             prescribed=Prescribed([m for _, _, m in motions]),
         )  # fmt: skip
         ramp = self._make(held)
-        count = len(groups.driven)
+        count = groups.commanded
         state, joints = ramp.undeformed(np.zeros(count + 2)), np.zeros(count + 2)
         stepper, parts = self._stepper(ramp), increments(motions, rest)
         for k in range(1, parts + 1):
@@ -200,7 +200,7 @@ class Bending:
     def _let_go(self, system: System, held: State) -> State:
         """Return the state of rest of `system` near `held`, in which its platforms are held. Raises SceneError."""
         groups = system.groups
-        state = system.undeformed(np.zeros(len(groups.driven) + 1 + bool(groups.prescribed)))
+        state = system.undeformed(np.zeros(groups.joints))
         state.positions[:] = held.positions
         tolerance = self._solver.tolerance**2
         system.elastic.settle_modes(state.positions, state.modes, tolerance)  # `held` may have fewer

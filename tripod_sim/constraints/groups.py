@@ -86,6 +86,7 @@ class Groups:
         prescribed: How some of what is held moves; None: none of it does.
         places: By number of a rigid body: where its nodes stand in it [m], shape (k, 3); of others as undeformed.
         free: Number of rigid bodies that hold no node. They come behind those of `rigid`.
+        actuators: Number of actuators that are terms of the potential (`forces.actuator`).
     """
 
     size: int
@@ -96,6 +97,7 @@ class Groups:
     prescribed: "Prescribed | None" = None
     places: Mapping[int, FloatArray] = field(default_factory=dict)
     free: int = 0
+    actuators: int = 0
 
     def __post_init__(self) -> None:
         owner: dict[int, str] = {}
@@ -115,6 +117,16 @@ class Groups:
             owner.update(dict.fromkeys(nodes.tolist(), name))
         if self.size and len(owner) == self.size:
             raise SceneError("every node of the mesh is held, so nothing can deform; hold fewer nodes")
+
+    @property
+    def commanded(self) -> int:
+        """Number of actuators: driven frames, and terms of the potential."""
+        return len(self.driven) + self.actuators
+
+    @property
+    def joints(self) -> int:
+        """Length of `State.joints`: angles, other actuators, slide, and time where motions are prescribed."""
+        return self.commanded + 1 + bool(self.prescribed)
 
     def placed(self, rest: FloatArray) -> FloatArray:
         """Return `rest`, undeformed places of nodes [m], shape (size, 3), with those of `places` in their stead."""

@@ -85,9 +85,10 @@ class Reduction:
         axes: Axis of each driven frame, shape (s, 3).
         unknowns: Number of unknowns n.
         pattern: Upper triangle of the reduced Hessian, scipy CSC; its `data` is what `hessian` writes.
-        drive: Mixed derivatives with respect to unknowns and driven angles, shape (n, s).
+        drive: Mixed derivatives with respect to unknowns and what is commanded: s driven angles, then a other
+            actuators, whose columns the caller writes, shape (n, s + a).
         pinned: Unknowns of free nodes along axes along which they are held, shape (k,).
-        drive_drive: Second derivatives with respect to driven angles, shape (s, s).
+        drive_drive: Second derivatives with respect to what is commanded, shape (s + a, s + a).
     """
 
     def __init__(self, blocks: Sequence[IndexArray], groups: Groups) -> None:
@@ -115,8 +116,8 @@ class Reduction:
                     "them"
                 )
         self.pattern, self._pairs, self._bound, self._body_slots, self._node_slots = self._symbolic()
-        self.drive = np.zeros((self.unknowns, self.driven))
-        self.drive_drive = np.zeros((self.driven, self.driven))
+        count = groups.commanded
+        self.drive, self.drive_drive = np.zeros((self.unknowns, count)), np.zeros((count, count))
         body = np.zeros((max(self.bodies, 1), 6, 6))
         self._sums = Sums(self.pattern.data, self.drive, self.drive_drive, body)
         self.pinned = self.base[groups.pinned[:, 0]] + groups.pinned[:, 1]

@@ -93,7 +93,7 @@ def touching(
 
 def _servo_bodies(model: Model) -> "ServoBodies | None":
     """Return the bodies of the servos; None where there are none, or no rigid body that could meet them."""
-    if not (model.joints and model.rigid):
+    if not (model.joints and model.joints.arms and model.rigid):
         return None
     from tripod_sim.contact.servo_bodies import servo_bodies  # noqa: PLC0415 - only with servos
 
@@ -125,5 +125,6 @@ def contact_stepper(
     from tripod_sim.contact.statics import static_contact_steps  # noqa: PLC0415 - only where nothing moves
 
     servos = model.joints.count if model.joints else 0
-    increments = Increments(servos, model.solver.max_turn, model.reach)
+    turns = soft[0].turns if soft else lambda move: np.abs(move[:servos])
+    increments = Increments(turns, model.solver.max_turn, model.reach)
     return static_contact_steps(world, model.solver.tolerance, increments)

@@ -127,6 +127,10 @@ class SolidNodes(Body):
         """Whether the Hessian of a step may serve in the next."""
         return not (self._projected or self.bound) and any(t.lasting for t in self._system.elastic.terms)
 
+    def turns(self, move: FloatArray) -> FloatArray:
+        """As `System.turns`."""
+        return self._system.turns(move)
+
     # what the stepper asks --------------------------------------------------------------------------------------------
 
     def load(self, state: State, joints: FloatArray, dt: float) -> None:

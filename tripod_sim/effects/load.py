@@ -26,7 +26,7 @@ def check(tables: tuple[Load, ...], scene: Described) -> None:
 def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
     """Add dead masses, and find the dead forces; note loads that something fixed bears alone, and dead pressures."""
     from tripod_sim.forces.dead_pressure import pressure_notes
-    from tripod_sim.forces.set_loads import faces_within, set_load
+    from tripod_sim.forces.set_loads import set_load
 
     solids = [body.among(draft.assembly.nodes) for body in draft.assembly.bodies if body.solid]
     draft.dead, free = np.zeros(draft.rest.shape), ~draft.groups.still()
@@ -41,7 +41,7 @@ def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
             )
         if table.pressure:
             nodes = draft.sets.nodes(table.set, f"load.{i}.set")
-            loaded = [faces_within(solid, nodes) for solid in solids]
+            loaded = [solid.faces_within(nodes) for solid in solids]
             notes, watches = pressure_notes(f"load.{i}", table.set, loaded, draft.rest)
             draft.notes += notes
             draft.watches += watches
@@ -60,7 +60,7 @@ EFFECT = Effect(
     rank=60,
     several=True,
     check=check,
-    modules=("forces.dead_pressure", "forces.set_loads"),
+    modules=("forces.dead_pressure",),
     words=('load=[{set="all", force=[0.01, 0.0, 0.0], share="even"}]',),
     weigh=weigh,
     act=act,

@@ -10,20 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.mesh.closed_surface import encloses
 from tripod_sim.mesh.solid_mesh import Faces
-from tripod_sim.mesh.topology import edge_uses, parts
 
 TURNED = math.radians(10)
 """By which a face may turn before it is told [rad]."""
 
 BUT_A_GAS = "a gas or a liquid would follow the surface, which can bend the body several times as far"
-
-
-def is_closed(faces: Sequence[IndexArray]) -> bool:
-    """Return whether some of the faces, arrays (k, corners), connected with each other, enclose a volume."""
-    edges, uses = edge_uses(faces)
-    label = parts([*faces], int(edges.max()) + 1)[edges[:, 0]]
-    return bool(np.setdiff1d(label, label[uses != 2]).size)
 
 
 def pressure_notes(
@@ -37,12 +30,12 @@ def pressure_notes(
         loaded: Of each solid the faces on which the pressure acts.
         rest: Undeformed positions [m], shape (n, 3).
     """
-    corners = [[faces.corners for faces in of_solid] for of_solid in loaded if of_solid]
-    if not any(map(is_closed, corners)):
+    if not any(encloses(of_solid) for of_solid in loaded if of_solid):
+        corners = [[faces.corners for faces in of_solid] for of_solid in loaded if of_solid]
         return [], [TurnWatch(field, of_solid, rest) for of_solid in corners]
     note = (
         f"{field}.pressure acts on a closed surface, set {name!r}, as a dead pressure: its forces "
-        f"keep the directions of the undeformed surface; {BUT_A_GAS}. Do not use it for the pressure "
+        f"keep the directions of the undeformed surface; {BUT_A_GAS}. Use [[chamber]] for the pressure "
         "in a chamber"
     )
     return [note], []

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.node_sets import NodeSets
 from tripod_sim.mesh.solid_mesh import Faces, SolidMesh
@@ -37,7 +37,7 @@ def set_load(table: Load, field: str, sets: NodeSets, solids: Sequence[SolidMesh
         share[nodes] = 1.0 / len(nodes)
         lumped = share
     else:
-        found = [(solid, faces) for solid in solids for faces in faces_within(solid, nodes)]
+        found = [(solid, faces) for solid in solids for faces in solid.faces_within(nodes)]
         if not found:
             why = (
                 "a pressure needs at least one: enlarge the set"
@@ -61,24 +61,13 @@ def set_load(table: Load, field: str, sets: NodeSets, solids: Sequence[SolidMesh
     return SetLoads(force, mass * share, mass * lumped)
 
 
-def faces_within(solid: SolidMesh, nodes: IndexArray) -> list[Faces]:
-    """Return the faces of the surface whose nodes are all among `nodes`; there may be none."""
-    found = [
-        faces._replace(nodes=faces.nodes[np.isin(faces.nodes, nodes).all(axis=1)]) for faces in solid.boundary
-    ]
-    return [faces for faces in found if len(faces.nodes)]
-
-
 def face_integrals(faces: Faces, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return int N_a dA, int N_a² dA [m²], both (k, f), and int N_a n dA [m²], (k, f, 3), of `faces`.
 
     `places`: of the mesh's nodes, shape (n, 3) [m].
     """
-    kind, shape, own = faces.kind, faces.shape, list(faces.own)
-    corners = kind.reference[own[: shape.corners]]
-    points, (first, second) = shape.shares @ corners, shape.slopes @ corners
-    values, slopes = kind.functions(points)[:, own], kind.gradients(points)[:, own]
-    ds, dt = (np.einsum("qaj,qj,fai->fqi", slopes, way, places[faces.nodes]) for way in (first, second))
-    normal = np.cross(ds, dt) * shape.weights[:, None]
+    values, first, second = faces.functions()
+    ds, dt = (np.einsum("qa,fai->fqi", slopes, places[faces.nodes]) for slopes in (first, second))
+    normal = np.cross(ds, dt) * faces.shape.weights[:, None]
     area = np.sqrt((normal**2).sum(axis=2))
     return area @ values, area @ values**2, np.einsum("fqi,qa->fai", normal, values)

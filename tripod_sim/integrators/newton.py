@@ -1,8 +1,9 @@
 """Newton's method on the potential of one step of a system (see `minimise`).
 
-The Hessian is made positive definite: first as it is; if it is not, with each point's tangent projected; at last with a
-shift. A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next. Where
-the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
+The Hessian is made positive definite: first as it is; if it is not, with each point's tangent projected; then without
+the second-order terms of rotations of rigid bodies, which are large where a command pulls hard at one that has not
+moved yet; at last with a shift. A factorisation is kept while it still halves the residual (chord steps), also from one
+solve to the next. Where the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
 """
 
 import math
@@ -17,7 +18,7 @@ from tripod_sim.integrators.minimise import Descent, minimise
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
-from tripod_sim.system_kernels import dot, largest, same, write_moves
+from tripod_sim.system_kernels import dot, largest, write_moves
 
 if TYPE_CHECKING:  # what is absent is not imported
     from tripod_sim.forces.strain_bound import StrainBound
@@ -165,6 +166,7 @@ class Newton(Descent):
             trial.errors = trial.way = trial.ball = trial.servos = None  # no part of a trial
         trial, report, linear_spent = self._scratch, NewtonReport(), self._linear_spent
         self._state, self._trial, self._report, self._is_at_trial = state, trial, report, False
+        self.system.command(joints)
         state.copy_to(trial)
         self._dx[:] = 0.0
         kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
@@ -176,7 +178,7 @@ class Newton(Descent):
             raise NewtonError(f"{self._culprit(state)} at the start of the step")
         report.factorisations += ahead or factored
         self.indefinite &= not factored
-        driven = not same(joints, state.joints)
+        driven = self.system.moves_frames(state.joints, joints)
         if driven:
             self.system.drive(trial, joints)
             self._add_drive(state, trial)
@@ -184,7 +186,12 @@ class Newton(Descent):
         self._begin(keep)
         if driven:
             self._drive()
-        minimise(self)
+        try:
+            minimise(self)
+        except NewtonError as error:
+            error.remedy = self.system.runaway() or error.remedy
+            raise
+        state.joints[:] = joints
         report.residual = self._size
         report.linear_iterations = self._linear_spent - linear_spent
         if self._serves(report):
@@ -319,6 +326,8 @@ class Newton(Descent):
         self.indefinite = True
         if not math.isfinite(phi):
             raise NewtonError(f"{self._culprit(state)} at the start of the step")
+        if system.reduction.bodies and system.factor(curved=False):
+            return phi
         shift = 1e-8 * system.elastic.largest_stiffness()
         for _ in range(4):
             if system.factor(shift):

@@ -35,6 +35,7 @@ class QuasiStatic(Integrator):
         if report := self._unchanged(state, joints):
             return report
         self._unstable = None
+        self.newton.system.command(joints)
         load = self._load.carry(state) if self._loads_help else NewtonReport()
         self._loads_help &= load.halvings <= LoadSteps.HALVINGS  # else a shorter part begins at the same load
         report = self.newton.solve(state, joints, factored=load.factorisations > 0)
@@ -96,5 +97,5 @@ def quasi_static_steps(
 ) -> Substeps:
     """Return what makes static steps; arguments as of `QuasiStatic`, `IncrementControl` and `Increments`."""
     solver = QuasiStatic(newton, watch=watch)
-    increments = Increments(len(newton.system.groups.driven), max_turn, reach)
+    increments = Increments(newton.system.turns, max_turn, reach)
     return Substeps(solver, IncrementControl(solver, max_halvings, increments))

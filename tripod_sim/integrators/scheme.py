@@ -137,6 +137,7 @@ class Scheme:
         parameters: Fields of [inertia] that it takes, each a field of the scheme, too.
         explicit: Whether its steps solve no equations.
         is_automatic: Whether `dt = "auto"` is to choose schemes along with the steps.
+        takes_jumps: Whether it gains no energy where a stiff force comes and goes, as that of a cable.
     """
 
     name: str
@@ -144,6 +145,7 @@ class Scheme:
     parameters: ClassVar[tuple[str, ...]] = ()
     explicit: ClassVar[bool] = False
     is_automatic: ClassVar[bool] = False
+    takes_jumps: ClassVar[bool] = True
 
     @property
     def is_multistep(self) -> bool:

@@ -6,6 +6,7 @@ reject one that was. Lengths are shares of the step; the loop alone saves and re
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -84,19 +85,19 @@ class Increments(NamedTuple):
     """How a move of the joints is divided in statics.
 
     Attributes:
-        servos: Their number.
+        turns: Returns how far actuators go, as turns [rad], where `State.joints` change by its argument.
         max_turn: Largest servo move of an increment [rad].
         reach: Of an arm [m], sets the same for the slide.
     """
 
-    servos: int
+    turns: Callable[[FloatArray], FloatArray]
     max_turn: float
     reach: float
 
     def count(self, move: FloatArray) -> int:
         """Return the increments in which no servo moves farther than it may, for joints that move by `move`."""
-        s = self.servos
-        turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self.reach)
+        turns = self.turns(move)
+        turn = max(float(turns.max(initial=0.0)), abs(float(move[len(turns)])) / self.reach)
         return max(1, int(np.ceil(turn / self.max_turn)))
 
 

@@ -111,7 +111,7 @@ class StrainLimited:
             max_iterations: Of one minimisation.
         """
         self.inner, self._of, self._bound, self._mass = inner, system, bound, mass
-        groups, rest = system.groups, system.start_state(np.zeros(len(system.groups.driven) + 1)).positions
+        groups, rest = system.groups, system.start_state(np.zeros(system.groups.joints)).positions
         self._anchor = Anchor(len(rest))
         each = np.arange(len(rest))[:, None]  # nodes without springs have an entry, too
         self._system = System(rest, [], groups, [bound, self._anchor], joined=[each])

@@ -217,7 +217,7 @@ class MeshError:
 
     def _joints(self, state: State) -> FloatArray:
         """Return the joints of the first body, which has all servos, and perhaps not the motions of others."""
-        return state.joints[: len(self._system.groups.driven) + 1 + bool(self._system.groups.prescribed)]
+        return state.joints[: self._system.groups.joints]
 
     def _settle(self, own: State, state: State) -> None:
         """Bring the richer mesh to rest where `state` has moved since it was last seen.

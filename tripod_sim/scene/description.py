@@ -43,7 +43,7 @@ def urdf(scene: Scene) -> str:
         SceneError: the scene has no servos, or its maze cannot be built.
     """
     joints = joints_of(scene)
-    if not joints:
+    if not (joints and joints.arms):
         raise SceneError(
             f"scene {scene.name!r} has no servos, so there is no robot to describe; take a scene with "
             "[servos], such as tripod"

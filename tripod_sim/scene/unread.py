@@ -52,8 +52,10 @@ def unread(scene: Any) -> list[str]:
         found.append(f"{names}: ignored, because each servo has its own [[servo]] table; leave it out")
     joints = joints_of(scene)
     if scene.motion and not joints:
-        found.append("motion: ignored, because the scene has no servos; add [servos] or leave it out")
-    if joints and not joints.slides:
+        found.append(
+            "motion: ignored, because the scene has no servos or other actuators; add some or leave it out"
+        )
+    if joints and joints.arms and not joints.slides:
         for path in ("servos", "motion"):
             if names := _given(path, getattr(scene, path), ["slide"]):
                 found.append(

@@ -52,7 +52,8 @@ def _newton(draft: Draft, system: System) -> Newton:
         return BoundedNewton(system, draft.bound, solver.tolerance, solver.max_iterations)
     groups = system.groups
     one_solve = model.scheme and solver.mode == "one_solve"  # statics goes to the tolerance
-    one_solve = one_solve and not draft.bound  # one solve does not find which springs are at it
+    # one solve does not find which springs are at their bound, nor which cables are taut
+    one_solve = one_solve and not (draft.bound or groups.actuators)
     if one_solve and model.only_springs:
         from tripod_sim.integrators.one_newton_step import OneNewtonStep
 

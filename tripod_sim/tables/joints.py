@@ -1,4 +1,4 @@
-"""The servos of a scene: where their arms turn, what they hold, how far they may go."""
+"""The joints of a scene: servos, where their arms turn and what they hold; other actuators; how far all may go."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -59,41 +59,104 @@ class Arm:
         return np.column_stack([x, y, np.cross(x, y)])
 
 
+@dataclass(frozen=True)
+class Actuator:
+    """A joint as its commands know it.
+
+    Attributes:
+        name: By which it is commanded.
+        unit: Of the command, SI.
+        low, high, start: Of the command: smallest, largest, and at the start.
+        is_effort: Whether a force, a pressure or a tension is commanded, not a position.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    is_effort: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """What is commanded, in a word."""
+        return {"rad": "angle", "m": "length", "N": "force", "Pa": "pressure"}[self.unit]
+
+    @property
+    def position_unit(self) -> str:
+        """Of where it is, see `Joints.moved`."""
+        return {"N": "m", "Pa": "m³"}.get(self.unit, self.unit)
+
+    @property
+    def effort_unit(self) -> str:
+        """Of what it does there."""
+        return {"rad": "N m", "m": "N"}.get(self.unit, self.unit)
+
+
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """The servos of a scene, in the order of its bodies, and the slide that they share.
+    """The servos of a scene, in the order of its bodies, its other actuators, and the slide that servos share.
 
     Attributes:
         arms: The servos.
         slide: At the start [m].
         slide_max: Largest [m].
+        others: Actuators that are no servos.
     """
 
     arms: tuple[Arm, ...]
     slide: float
     slide_max: float
+    others: tuple[Actuator, ...] = ()
+
+    @cached_property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """All that is commanded but the slide, servos first."""
+        servos = (
+            Actuator(f"servo_{i}", "rad", arm.low, arm.high, arm.angle) for i, arm in enumerate(self.arms)
+        )
+        return (*servos, *self.others)
 
     @property
     def count(self) -> int:
-        """Number of servos."""
-        return len(self.arms)
+        """Number of actuators."""
+        return len(self.arms) + len(self.others)
 
     @cached_property
     def low(self) -> FloatArray:
-        """Smallest angles [rad], shape (count,)."""
-        return np.array([arm.low for arm in self.arms])
+        """Smallest commands, shape (count,)."""
+        return np.array([a.low for a in self.actuators])
 
     @cached_property
     def high(self) -> FloatArray:
-        """Largest angles [rad], shape (count,)."""
-        return np.array([arm.high for arm in self.arms])
+        """Largest commands, shape (count,)."""
+        return np.array([a.high for a in self.actuators])
+
+    def moved(self, commands: FloatArray, efforts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return where actuators are and what they do there, q and dV/dq (see `forces.actuator`) sorted by their kinds.
+
+        Of a position that is commanded these are q and dV/dq: angle and torque, length pulled and tension. Of an effort
+        they are -dV/dq and q: the displacement along a force, the volume of a chamber. The work that an actuator does
+        is the integral of the effort over the position.
+
+        Args:
+            commands: q, shape (count,).
+            efforts: dV/dq, shape (count,).
+
+        Returns:
+            Positions [rad, m, m³] and efforts [N m, N, Pa], shape (count,).
+        """
+        swaps = np.array([a.is_effort for a in self.actuators], dtype=bool)
+        return np.where(swaps, -efforts, commands), np.where(swaps, commands, efforts)
 
     def of_body(self, name: str) -> "Joints | None":
         """Return those that hold nodes of a soft body; None where there are none. `[[servo]]` hold the first body."""
         arms = tuple(arm for arm in self.arms if isinstance(arm.held, str) or arm.held.body == name)
         if not arms:
             return None
-        return Joints(arms, self.slide, min(arm.table.slide_max for arm in arms))
+        return Joints(
+            arms, self.slide, min(arm.table.slide_max for arm in arms)
+        )  # other actuators: not known
 
     @property
     def slides(self) -> bool:
@@ -102,10 +165,10 @@ class Joints:
 
     @property
     def start(self) -> FloatArray:
-        """Angles [rad] and slide [m] at the start, shape (count + 1,)."""
-        return np.array([*(arm.angle for arm in self.arms), self.slide])
+        """Commands of the actuators and slide [m] at the start, shape (count + 1,)."""
+        return np.array([*(a.start for a in self.actuators), self.slide])
 
     @property
     def reach(self) -> float:
         """Length by which a slide counts as a turn [m]: that of the longest arm."""
-        return max(*(arm.length for arm in self.arms), 0.005)
+        return max([*(arm.length for arm in self.arms), 0.005])

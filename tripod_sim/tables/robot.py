@@ -40,16 +40,19 @@ class Servos:
 
 @dataclass(frozen=True)
 class Motion:
-    """What `tripod run` asks of the servos, if there are any, unless it is told something else: shows what the scene is
-    about. No effect: nodes, studies and `Simulation` itself take no notice.
+    """What `tripod run` asks of the actuators, if there are any, unless it is told something else: shows what the scene
+    is about. No effect: nodes, studies and `Simulation` itself take no notice.
 
     Attributes:
-        servo: Angles over time [s], [rad]: `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`.
+        servo: Angles over time [s], [rad]: `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`; empty: as at the start.
         slide: Slide over time [s], [m], `0:0; 1:0.035`, or one number; empty: as at the start.
+        actuate: Values of other actuators over time, each with its name, in the unit of its range:
+            `tendon=0:0; 1:0.01`. Actuators that are not named stay as at the start.
     """
 
-    servo: str
+    servo: str = ""
     slide: str = ""
+    actuate: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.model import BALL
+from tripod_sim.tables.actuators import actuator_tables, started
 from tripod_sim.tables.bodies import HOME, Body, Rigid
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.fields import Described
@@ -80,17 +81,19 @@ def contact_of(scene: Described) -> Contact | None:
 
 
 def joints_of(scene: Described) -> Joints | None:
-    """Return the servos of a scene; None where it has none."""
+    """Return the joints of a scene; None where it has none."""
     tables = servo_tables(scene)
+    others = tuple(table.actuator for _, _, table in actuator_tables(scene))
     if not tables:
-        return None
+        return Joints((), 0.0, 0.0, others) if others else None
     arms = list[Arm]()
     for number, (field, table, body) in enumerate(tables):
         if scene.servo and not number and scene.servos:
             arms += [_placed(i, servo, table) for i, servo in enumerate(scene.servo)]
         else:
             arms += _round(field, table, body)
-    return Joints(tuple(arms), tables[0][1].slide, min(table.slide_max for _, table, _ in tables))
+    slide_max = min(table.slide_max for _, table, _ in tables)
+    return Joints(tuple(arms), tables[0][1].slide, slide_max, others)
 
 
 def servo_tables(scene: Described) -> list[tuple[str, Servos, Body]]:
@@ -144,15 +147,15 @@ def _placed(i: int, servo: Servo, table: Servos) -> Arm:
     )
 
 
-def posed(scene: Described, angles: FloatArray, slide: float) -> Described:
-    """Return a scene whose servos start at `angles` [rad], shape (count,), and `slide` [m]."""
-    rest, tables = angles.tolist(), list[Servos]()
+def posed(scene: Described, commands: FloatArray, slide: float) -> Described:
+    """Return a scene whose actuators start at `commands`, shape (count,), and `slide` [m]."""
+    rest, tables = commands.tolist(), list[Servos]()
     for _, table, _ in servo_tables(scene):
         own, rest = tuple(rest[: table.count]), rest[table.count :]
         tables.append(replace(table, angles=own, slide=slide))
     first = tables.pop(0) if scene.servos else None
     bodies = tuple(replace(b, servos=tables.pop(0)) if b.servos else b for b in scene.body)
-    return replace(scene, servos=first, body=bodies)
+    return started(replace(scene, servos=first, body=bodies), rest)
 
 
 # discs ----------------------------------------------------------------------------------------------------------------

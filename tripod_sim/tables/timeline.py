@@ -1,6 +1,6 @@
 """Joint values over time, written on one line: `0:0,0,0; 1:-0.7854,-45deg,-45deg`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -105,23 +105,56 @@ def joint_timelines(
     Raises:
         SceneError: they cannot be read, or go beyond the limits.
     """
-    angles = parse_timeline(servo, joints.count, names[0], "rad") if servo is not None else None
+    s = len(joints.arms)
+    angles = parse_timeline(servo, s, names[0], "rad") if servo is not None else None
     slides = parse_slide(slide, angles, names[1]) if slide is not None else None
-    if angles and not ((angles.values >= joints.low) & (angles.values <= joints.high)).all():
-        beyond = np.maximum(joints.low - angles.values, angles.values - joints.high).max(axis=0)
+    if angles and not ((angles.values >= joints.low[:s]) & (angles.values <= joints.high[:s])).all():
+        beyond = np.maximum(joints.low[:s] - angles.values, angles.values - joints.high[:s]).max(axis=0)
         i = int(np.argmax(beyond))
         low, high, of = joints.low[i], joints.high[i], angles.values[:, i]
         raise SceneError(
             f"{names[0]}: angles of servo_{i} reach {of.min():g} to {of.max():g} rad; allowed: {low:g} to {high:g} "
             "rad" + _hint(servo, of, "rad", lambda a: low <= a <= high)
         )
-    s = joints
-    if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
+    most = joints.slide_max
+    if slides and not ((slides.values >= 0) & (slides.values <= most)).all():
         raise SceneError(
             f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed: 0 to "
-            f"{s.slide_max:g} m" + _hint(slide, slides.values.ravel(), "m", lambda x: 0 <= x <= s.slide_max)
+            f"{most:g} m" + _hint(slide, slides.values.ravel(), "m", lambda x: 0 <= x <= most)
         )
     return angles, slides
+
+
+def actuator_timelines(joints: "Joints", words: Sequence[str], what: str) -> dict[int, Timeline]:
+    """Return the values of actuators over time, by their numbers; of those that are not named nothing.
+
+    Args:
+        joints: Whose limits they must keep.
+        words: Each `name=time: value; ...`.
+        what: Name of the option, for messages.
+
+    Raises:
+        SceneError: there is no such actuator or one is named twice, a line cannot be read, or goes beyond a range.
+    """
+    known, found = {a.name: k for k, a in enumerate(joints.actuators)}, dict[int, Timeline]()
+    for word in words:
+        name, equals, text = (part.strip() for part in word.partition("="))
+        if not equals or name not in known:
+            raise SceneError(
+                f"{what} {shown(word)}: it must be NAME=TIME:VALUE;..., with NAME one of: {', '.join(known)}"
+            )
+        k = known[name]
+        if k in found:
+            raise SceneError(f"{what}: {name} is given twice; give it once")
+        a, said = joints.actuators[k], f"{what} {name}"
+        line = found[k] = parse_timeline(text, 1, said, a.unit)
+        if not ((line.values >= a.low) & (line.values <= a.high)).all():
+            least, most = float(line.values.min()), float(line.values.max())
+            raise SceneError(
+                f"{said}: {a.quantity} reaches {least:g} to {most:g} {a.unit}; allowed: {a.low:g} to {a.high:g} "
+                f"{a.unit}"
+            )
+    return found
 
 
 def _hint(text: str | None, values: FloatArray, unit: str, fits: Callable[[float], bool]) -> str:
@@ -169,7 +202,7 @@ def _time_missing(part: str, width: int, unit: str) -> str:
         return ""
     if not np.isfinite(values).all():
         return ""
-    _, sign, _, least = OTHER_UNITS[unit]
+    _, sign, _, least = OTHER_UNITS.get(unit, (unit, unit, 1.0, np.inf))
     meant = [
         f"{word}{sign}" if abs(v) > least and word[-1].isdigit() else word
         for word, v in zip(words, values, strict=True)

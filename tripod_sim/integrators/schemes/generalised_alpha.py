@@ -38,6 +38,7 @@ class GeneralisedAlpha(MultistepScheme):
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("rho_inf",)
+    takes_jumps: ClassVar[bool] = False
     rho_inf: float = 0.8
 
     @property

@@ -1,0 +1,113 @@
+"""Effect: cables that are pulled."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.errors import SceneError
+from tripod_sim.tables.actuators import WORLD, Cable, Via, check_actuators
+
+if TYPE_CHECKING:
+    from tripod_sim.forces.cable import Cable as CableTerm
+    from tripod_sim.mesh.embedding import Embedding
+
+
+def check(tables: tuple[Cable, ...], scene: Described) -> None:
+    """Raise SceneError if a cable is described wrongly."""
+    check_actuators(scene)
+    for i, table in enumerate(tables):
+        if table.command == "length" and scene.inertia and not scene.inertia.integrator.takes_jumps:
+            raise SceneError(
+                f"cable.{i}.command is 'length', but inertia.scheme is {scene.inertia.scheme!r}, which gains energy "
+                "where a cable goes slack and taut; choose 'tr_bdf2', or command the tension"
+            )
+        if table.command == "tension" and table.range[0] < 0:
+            raise SceneError(
+                f"cable.{i}.range begins at {table.range[0]:g} N; a cable cannot push: give a smallest tension of 0 N"
+            )
+        if not any(via.points and via.body != WORLD for via in table.via):
+            raise SceneError(
+                f"cable.{i}.via has no point of a body; give one: via = [{{points = [[x, y, z]]}}]"
+            )
+
+
+def hold(tables: tuple[Cable, ...], draft: Draft) -> None:
+    """Find the points in the bodies where these are undeformed, before something moves them to their places."""
+    from tripod_sim.mesh.embedding import joined
+
+    draft.prepared["cable"] = [
+        joined([_points(f"cable.{i}.via.{k}", via, draft) for k, via in enumerate(table.via)])
+        for i, table in enumerate(tables)
+    ]
+
+
+def _points(field: str, via: Via, draft: Draft) -> "Embedding":
+    """Return the points of one body. Raises SceneError."""
+    from tripod_sim.mesh.embedding import in_net, in_solid, in_world
+
+    points, name = np.reshape(via.points, (-1, 3)).astype(float), f"{field}.points"
+    if via.body == WORLD:
+        return in_world(points)
+    body = draft.assembly.body_named(via.body, f"{field}.body", f"points that never move: {WORLD}")
+    position, turn = body.table.pose
+    places = points @ turn.T + position
+    if body.solid:
+        return in_solid(places, body.among(draft.rest), name=name)
+    return in_net(places, draft.rest, body.nodes, name=name)
+
+
+def act(tables: tuple[Cable, ...], draft: Draft) -> None:
+    """Add the cables, and what warns of their tensions."""
+    from tripod_sim.forces.cable import Cable as CableTerm
+
+    for i, (table, points) in enumerate(zip(tables, draft.prepared["cable"], strict=True)):
+        by_tension, field = table.command == "tension", f"cable.{i}"
+        term = CableTerm(points, draft.rest, by_tension=by_tension, stiffness=table.stiffness, owner=field)
+        term.rest_length += table.slack
+        _check_rigid(field, term, draft)
+        draft.add_actuator(term, table.actuator)
+        if table.tension_max:
+            draft.watches.append(_Watch(field, table, term))
+
+
+def _check_rigid(field: str, term: "CableTerm", draft: Draft) -> None:
+    """Raise SceneError where a cable passes points of two rigid bodies."""
+    rigid = [b for b, nodes in enumerate(draft.groups.rigid) if np.isin(term.elements, nodes).any()]
+    if len(rigid) > 1:
+        raise SceneError(
+            f"{field}.via has points in {len(rigid)} rigid bodies (discs, platforms); a cable can pass one: move the "
+            "points of the others off their nodes"
+        )
+
+
+class _Watch:
+    """Tells once when a cable bears more than it may."""
+
+    def __init__(self, field: str, table: Cable, term: "CableTerm") -> None:
+        self._field, self._table, self._term = field, table, term
+
+    def __call__(self, positions: object) -> str:
+        """Return the note, empty as long as there is none."""
+        most = self._table.tension_max
+        assert most
+        if self._term.tension <= most:
+            return ""
+        return (
+            f"{self._field}: the tension of {self._table.name} is {self._term.tension:.3g} N, above tension_max, "
+            f"{most:g} N: pull less, or allow more"
+        )
+
+
+EFFECT = Effect(
+    Cable,
+    rank=65,
+    several=True,
+    check=check,
+    modules=("forces.cable", "forces.cable_kernels"),
+    words=(
+        'cable=[{name="tendon", via=[{points=[[0.01, 0.0, 0.0], [0.03, 0.0, 0.0]]}], range=[-1.0, 1.0]}]',
+    ),
+    hold=hold,
+    act=act,
+)

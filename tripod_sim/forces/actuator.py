@@ -1,0 +1,35 @@
+"""Actuators as terms of the potential: V(x, q), with a commanded coordinate q for each.
+
+The servo's arm moves nodes; every other actuator is such a term. q is a length by which a cable is pulled in [m], its
+tension [N], the pressure of a chamber [Pa] or a force [N]. What the actuator gives in return is its effort dV/dq: of a
+pulled length the tension [N], of a pressure less the volume [m³].
+"""
+
+from tripod_host.arrays import FloatArray
+from tripod_sim.forces.term import BlockTerm
+
+
+class ActuatorTerm(BlockTerm):
+    """A term with one commanded coordinate.
+
+    Attributes:
+        value: q, see the module.
+        effort: dV/dq at the last `add_gradient`.
+        effort_slope: d²V/dq² there.
+        span: By how much q changes where a servo would turn by a radian: larger changes are divided in statics.
+    """
+
+    value = effort = effort_slope = 0.0
+    span = 1.0
+
+    def add_coupling(self, x: FloatArray, out: FloatArray) -> None:
+        """Add d²V/dx dq at positions `x` [m] to `out`, both of shape (n, 3)."""
+        raise NotImplementedError
+
+    def energies(self, x: FloatArray) -> tuple[float, float]:
+        """Return none: the work that actuators do comes from outside."""
+        return 0.0, 0.0
+
+    def runaway(self) -> str:
+        """Return in words why the last `add_gradient` may have been far from any equilibrium; empty if it was not."""
+        return ""
