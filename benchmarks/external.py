@@ -35,7 +35,7 @@ from benchmarks.blocks import brick, elastic
 from benchmarks.doc_parts import write_part
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.forces.set_loads import face_integrals, faces_within
+from tripod_sim.forces.set_loads import face_integrals
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene.file import scene_from_toml
 
@@ -127,7 +127,7 @@ def stress_yy(mesh: SolidMesh, u: FloatArray, place: FloatArray) -> float:
 def pushed(mesh: SolidMesh, nodes: IndexArray, pressure: float) -> FloatArray:
     """Return the forces of a pressure [Pa] on the faces whose nodes are all among `nodes` [N], shape (n, 3)."""
     force = np.zeros((len(mesh.nodes), 3))
-    for faces in faces_within(mesh, nodes):
+    for faces in mesh.faces_within(nodes):
         np.add.at(force, faces.nodes, -pressure * face_integrals(faces, mesh.nodes)[2])
     return force
 

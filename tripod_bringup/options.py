@@ -173,6 +173,15 @@ SlideScript = Annotated[
     str | None, typer.Option(help='Inward slide \\[m], or as 35mm: a number, or "time:value; ...".')
 ]
 
+ActuatorScripts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--actuate",
+        metavar="NAME=SCRIPT",
+        help='Another actuator over time: "tendon=0:0; 1:0.01". Once for each.',
+    ),
+]
+
 LAST = "last"
 """Word for the newest recording."""
 

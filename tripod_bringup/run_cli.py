@@ -7,6 +7,7 @@ import typer
 
 from tripod_bringup.accuracy_option import Accuracy, Budget, Study
 from tripod_bringup.options import (
+    ActuatorScripts,
     Json,
     Overrides,
     Quiet,
@@ -49,6 +50,7 @@ def run(
     ] = None,
     servo: ServoScript = None,
     slide: SlideScript = None,
+    actuate: ActuatorScripts = None,
     set_: Overrides = None,
     view: Annotated[bool, typer.Option("--view", help="Show it on a page, while it runs and after.")] = False,
     view_port: ViewPort = None,
@@ -79,6 +81,7 @@ def run(
             duration=duration,
             servo=servo,
             slide=slide,
+            actuate=actuate or (),
             overrides=set_ or [],
             out=out,
             pictures=Pictures(html=html, plot=plot, gif=gif, mp4=mp4),

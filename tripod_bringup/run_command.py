@@ -43,6 +43,7 @@ def run_scene(
     duration: float | None,
     servo: str | None,
     slide: str | None,
+    actuate: Sequence[str] = (),
     overrides: list[str],
     out: Path | None,
     pictures: Pictures,
@@ -88,6 +89,7 @@ def run_scene(
                         duration=duration,
                         servo=servo,
                         slide=slide,
+                        actuate=actuate,
                         overrides=overrides,
                         out=out,
                         recorded=shown.begin if shown.wanted else None,
@@ -111,7 +113,7 @@ def run_scene(
             if as_json:
                 print(json.dumps(plain(result)))
             elif not quiet:
-                again = _again(scene, overrides, duration, servo, slide)
+                again = _again(scene, overrides, duration, servo, slide, actuate)
                 result["study"] = str(source) if source else ""
                 print_rows(result_rows(result) if verbose else summary_rows(result, again, view=view))
             return _exit_code(result)
@@ -129,11 +131,17 @@ def print_rows(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def _again(
-    scene: str, overrides: Sequence[str], duration: float | None, servo: str | None, slide: str | None
+    scene: str,
+    overrides: Sequence[str],
+    duration: float | None,
+    servo: str | None,
+    slide: str | None,
+    actuate: Sequence[str],
 ) -> list[str]:
     """Return the words of the command that simulates the same motion."""
     options = {"--duration": duration, "--servo": servo, "--slide": slide}
     given = [str(word) for name, value in options.items() if value is not None for word in (name, value)]
+    given += [word for text in actuate for word in ("--actuate", text)]
     return ["tripod", "run", scene, *(word for path in overrides for word in ("--set", path)), *given]
 
 

@@ -30,7 +30,7 @@ def summary_rows(result: Mapping[str, Any], again: Sequence[str], *, view: bool 
     return [
         ("result", _outcome(result)),
         ("time", time),
-        ("error", _error(result, own_motion=bool({"--servo", "--slide"} & set(again)))),
+        ("error", _error(result, own_motion=bool({"--servo", "--slide", "--actuate"} & set(again)))),
         ("cost", cost),
         *([("files", files)] if files else []),
         ("next", _next(result, again, view=view)),
@@ -46,6 +46,10 @@ def _outcome(result: Mapping[str, Any]) -> str:
         parts.append(f"effector at {_scaled(effector['position'], 1e3)} mm{words}")
     if len(result["torques"]):
         parts.append(f"servo torques {_scaled(result['torques'], 1)} N m")
+    for a in result.get("actuators", ()):
+        parts.append(
+            f"{a['name']} {a['position']:.4g} {a['position_unit']}, {a['effort']:.4g} {a['effort_unit']}"
+        )
     if ball := result.get("ball"):
         parts.append(
             f"ball at {_scaled(ball['position'], 1e3)} mm{', ' if ball['event'] else ''}{ball['event']}"

@@ -110,7 +110,7 @@ class Rest:
 
     def start(self) -> State:
         """Return the state that a simulation begins from: bent, where bodies do not fit together undeformed."""
-        return self.system.start_state(np.zeros(len(self.system.groups.driven) + 1))
+        return self.system.start_state(np.zeros(self.system.groups.joints))
 
     def settle(self, state: State, joints: FloatArray) -> None:
         """Bring a state to rest at `joints`, in place. Raises StepError; it is then as it was."""

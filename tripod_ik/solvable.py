@@ -6,7 +6,13 @@ from tripod_sim.tables.short_forms import effector_of, joints_of
 
 def nothing_to_solve(scene: Scene) -> str:
     """Return why there can be no model of a scene; empty where there can."""
-    there = {"servos": joints_of(scene), "effector": effector_of(scene)}
+    joints = joints_of(scene)
+    if joints and joints.others:
+        return (
+            f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)} beside servos; inverse kinematics "
+            "commands servos only so far: simulate it with `tripod run --actuate`"
+        )
+    there = {"servos": joints, "effector": effector_of(scene)}
     missing = [name for name, found in there.items() if not found]
     if not missing:
         return ""

@@ -55,7 +55,7 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene.file import load_scene, naming_file, override_words
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.joints import Joints
-from tripod_sim.tables.short_forms import effector_of
+from tripod_sim.tables.short_forms import effector_of, joints_of
 from tripod_study.summary.errors import effector_error, mesh_error
 from tripod_study.summary.stability import snap_words
 
@@ -151,6 +151,11 @@ class SimNode(Node):
             self._changes = list(begin.changes)
             return begin.simulation
         scene = load_scene(self._source, self._overrides)
+        if (joints := joints_of(scene)) and joints.others:
+            raise ParameterError(
+                f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)} beside servos, which nodes do "
+                "not command so far: simulate it with `tripod run --actuate`"
+            )
         try:
             with naming_file(self._source, self._overrides):
                 simulation = Simulation(scene)

@@ -13,6 +13,7 @@
 | `energies` | k, 3 | kinetic energy, strain energy, gravitational potential [J] |
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
+| `actuator_positions`, `actuator_efforts` | k, a | of other actuators [m or m³], [N or Pa]; with any |
 | `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
 | `slide` | k | of the servo bodies [m] |
 | `ball` | k, 7 | pose of the ball; with a ball |
@@ -70,7 +71,11 @@ class Recording:
         """Raises SceneError where `steps`, the most that it takes, need more memory than there is, or are none."""
         if not isinstance(steps, int | np.integer) or steps < 1:
             raise SceneError(f"steps is {shown(steps)}; it must be a whole number, at least 1")
-        nodes, servos, rigid = len(simulation.mesh.nodes), len(simulation.torques), len(simulation.rigid)
+        nodes, servos, rigid = (
+            len(simulation.mesh.nodes),
+            len(simulation.driven_frames),
+            len(simulation.rigid),
+        )
         own_skin = simulation.skin is not simulation.mesh
         shapes: dict[str, tuple[int, ...]] = {
             "time": (),
@@ -80,6 +85,8 @@ class Recording:
             "slide": (),
             "torques": (servos,),
         }
+        if others := len(simulation.torques) - servos:
+            shapes |= {"actuator_positions": (others,), "actuator_efforts": (others,)}
         if own_skin:
             shapes["vertices"] = (len(simulation.skin.nodes), 3)
         if simulation.effector:
@@ -118,9 +125,12 @@ class Recording:
         a["time"][k] = state.time
         positions = a["positions"][k] = simulation.positions
         a["energies"][k] = energies.kinetic, energies.strain, energies.gravity
-        servos = len(simulation.torques)
-        a["angles"][k], a["slide"][k] = state.joints[:servos], state.joints[servos]
-        a["torques"][k] = simulation.torques
+        servos, count = len(simulation.driven_frames), len(simulation.torques)
+        a["angles"][k], a["slide"][k] = state.joints[:servos], state.joints[count]
+        a["torques"][k] = simulation.torques[:servos]
+        if count > servos:
+            joints, efforts = simulation.joint_work()
+            a["actuator_positions"][k], a["actuator_efforts"][k] = joints[servos:count], efforts[servos:]
         if "vertices" in a:
             a["vertices"][k] = simulation.shown(positions)
         for name, pose in (("effector", simulation.effector), ("ball", simulation.ball)):
@@ -191,7 +201,7 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         "triangles": simulation.skin.surface,
         "bodies": np.array(simulation.bodies, dtype=np.int64),
     }
-    if simulation.joints:
+    if simulation.joints and simulation.joints.arms:
         from tripod_sim.scene.description import standing  # noqa: PLC0415 - only with servos
 
         rows = [standing(arm).values() for arm in simulation.joints.arms]

@@ -41,6 +41,7 @@ def run(
     duration: float | None = None,
     servo: str | None = None,
     slide: str | None = None,
+    actuate: Sequence[str] = (),
     overrides: Sequence[str] = (),
     out: Path | None = None,
     recorded: Callable[[Recording], None] | None = None,
@@ -55,7 +56,9 @@ def run(
         scene: Name of a shipped scene or path of a scene file.
         duration: Simulated time [s]; None: until one second after the last servo time, else as the scene says.
         servo: Angles over time [rad], `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`.
-        slide: Slide over time [m], or one number (see `parse_slide`). Where neither is given, the scene's `motion`.
+        slide: Slide over time [m], or one number (see `parse_slide`).
+        actuate: Values of other actuators over time, each `name=0:0; 1:0.01`. Where none of the three is given, the
+            scene's `motion`.
         overrides: Words `dotted.path=value`.
         out: File (`.npz`) for every step, see `tripod_study.recording`; of the steps that were made, if the run breaks
             off.
@@ -67,31 +70,31 @@ def run(
         study: File of an accuracy study of the scene; None: the one that comes with tripod.
 
     Returns:
-        effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J], time
-        [s], steps, newton_iterations (linear solves in all), parts, rejected (parts taken back because they added too
-        much error), increments (of the load in statics), halvings, residual [N], dt_limit (longest stable step of an
-        explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
-        and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque [N
-        m], short [rad]), figures (accuracy in words; error, which the accuracy study measured and which is promised for
-        other motions, None where it is not known; quantity, what that is the error of; finer, a smaller error that
-        `--accuracy` serves, or None; names of the effects; stability, as `tripod_study.summary` has it),
-        stalled_time (of each servo [s]), with the scene's `time_error` the largest estimates of the run (effector,
-        largest, node, added, ball) [m], NaN and node -1 for what is not estimated, with `mesh_error` that of the
-        effector at the end (effector, its length distance), the largest of the run, and the largest of it together with
-        the error of the steps (largest, largest_with_steps) [m], NaN where there is no estimate, with a ball its
-        position [m] and event (words), with contact what it took in the last step (contacts, those pressed, force [N],
-        rounds of the response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m],
-        cut, and lowered, by how much the run lowered the coefficient of restitution of a hit at most) and with rigid
-        bodies their poses, markers (set, position and moved [m], force [N] and moment about the
-        origin [N m] of what holds or moves them, of a solid), notes on the scene if there are any, displacement
-        (node and largest, how far that node is from the undeformed shape [m]), seconds, the wall time of all steps [s],
-        and step_ms, that of a step [ms], median and 99th percentile.
+        effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], with other
+        actuators these (name, position, effort and their units), energies [J], time [s], steps, newton_iterations
+        (linear solves in all), parts, rejected (parts taken back because they added too much error), increments (of the
+        load in statics), halvings, residual [N], dt_limit (longest stable step of an explicit scheme [s], else None),
+        grew_at and instability (since which step its energy has grown, 0 for never, and that in words), stalled (servos
+        that stand against their load at the end: servo, load and stall_torque [N m], short [rad]), figures (accuracy in
+        words; error, which the accuracy study measured and which is promised for other motions, None where it is not
+        known; quantity, what that is the error of; finer, a smaller error that `--accuracy` serves, or None; names of
+        the effects; stability, as `tripod_study.summary` has it), stalled_time (of each servo [s]), with the scene's
+        `time_error` the largest estimates of the run (effector, largest, node, added, ball) [m], NaN and node -1 for
+        what is not estimated, with `mesh_error` that of the effector at the end (effector, its length distance), the
+        largest of the run, and the largest of it together with the error of the steps (largest, largest_with_steps)
+        [m], NaN where there is no estimate, with a ball its position [m] and event (words), with contact what it took
+        in the last step (contacts, those pressed, force [N], rounds of the response, its way, residual [m] of gaps and
+        slips, smallest_gap beyond the contact distance [m], cut, and lowered, by how much the run lowered the
+        coefficient of restitution of a hit at most) and with rigid bodies their poses, markers (set, position and moved
+        [m], force [N] and moment about the origin [N m] of what holds or moves them, of a solid), notes on the scene if
+        there are any, displacement (node and largest, how far that node is from the undeformed shape [m]), seconds, the
+        wall time of all steps [s], and step_ms, that of a step [ms], median and 99th percentile.
 
     Raises:
-        SceneError: anything wrong with the input.
-        StepError: the simulation could not go on.
+           SceneError: anything wrong with the input.
+           StepError: the simulation could not go on.
     """
-    description, script = _scene_and_script(scene, overrides, servo, slide)
+    description, script = _scene_and_script(scene, overrides, servo, slide, actuate)
     steps, description = _steps(description, script, duration), script.started(description)
     check_out("--out", out, (".npz",))
     with naming_file(scene, overrides):
@@ -101,7 +104,7 @@ def run(
     recording = Recording(simulation, steps) if out or recorded else None
     if recording and recorded:
         recorded(recording)
-    books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
+    books = EnergyBooks(simulation.energies(), *simulation.joint_work())
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     errors = LargestErrors()
@@ -124,9 +127,7 @@ def run(
             if report.unstable:
                 unstable.append(simulation.state.time)
             if joints is not None or description.prescribed:  # what works on the body
-                books.add(
-                    simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time
-                )
+                books.add(simulation.energies(), *simulation.joint_work(), simulation.state.time)
             for stall in report.stalled:
                 stalled_steps[stall.servo] += 1
             if recording:
@@ -136,7 +137,7 @@ def run(
     finally:  # a run that breaks off keeps what it has
         kept()
         stop.no_more(kept)
-    books.add(simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time)
+    books.add(simulation.energies(), *simulation.joint_work(), simulation.state.time)
     rest, accuracy = not description.inertia, accuracy_summary(scene, description, own=study)
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
@@ -144,15 +145,16 @@ def run(
     simulation.note(
         *_unstable(unstable, steps), *_astray(errors.largest, simulation), *_lowered_restitution(lowered)
     )
-    pose, ball = simulation.effector, simulation.ball
+    pose, ball, servos = simulation.effector, simulation.ball, len(simulation.driven_frames)
     return {
         "scene": description.name,
         "effector": {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
         if pose
         else None,
-        "angles": simulation.state.joints[: len(simulation.torques)].tolist(),
+        "angles": simulation.state.joints[:servos].tolist(),
         "slide": float(simulation.state.joints[len(simulation.torques)]),
-        "torques": simulation.torques.tolist(),
+        "torques": simulation.torques[:servos].tolist(),
+        **_actuators(simulation),
         "energies": asdict(simulation.energies()),
         "time": simulation.state.time,
         "dt": description.dt,
@@ -187,6 +189,21 @@ def run(
     }
 
 
+def _actuators(simulation: Simulation) -> dict[str, Any]:
+    """Return what actuators that are no servos do at the end: position and effort, with their units."""
+    if not (simulation.joints and simulation.joints.others):
+        return {}
+    positions, efforts = simulation.joints.moved(simulation.command[:-1], simulation.torques)
+    rows = zip(simulation.joints.actuators, positions.tolist(), efforts.tolist(), strict=True)
+    servos = len(simulation.driven_frames)
+    found = [
+        {"name": a.name, "position": position, "position_unit": a.position_unit, "effort": effort,
+         "effort_unit": a.effort_unit}
+        for a, position, effort in rows
+    ]  # fmt: skip
+    return {"actuators": found[servos:]}
+
+
 def _displacement(simulation: Simulation) -> dict[str, Any]:
     """Return the node that is farthest from its place in the undeformed shape, and how far [m]."""
     moved = np.linalg.norm(simulation.positions - simulation.mesh.nodes, axis=1)
@@ -194,13 +211,13 @@ def _displacement(simulation: Simulation) -> dict[str, Any]:
 
 
 def _scene_and_script(
-    source: str, overrides: Sequence[str], servo: str | None, slide: str | None
+    source: str, overrides: Sequence[str], servo: str | None, slide: str | None, actuate: Sequence[str]
 ) -> tuple[Scene, Script]:
-    """Return a scene and what its servos do; its own motion is dropped where the user gives one. Raises SceneError."""
+    """Return a scene and what its actuators do; its motion is dropped where the user gives one. Raises SceneError."""
     scene = load_scene(source, overrides)
-    own = servo is None and slide is None
+    own = servo is None and slide is None and not actuate
     with naming_file(source, overrides) if own else nullcontext():
-        script = script_of(scene, servo, slide)
+        script = script_of(scene, servo, slide, actuate)
     return (scene if own else replace(scene, motion=None)), script
 
 

@@ -11,7 +11,8 @@ from benchmarks.blocks import brick
 from tests.messages import assert_names, line_naming
 from tripod_bringup.cli import app
 from tripod_sim import Simulation, load_scene
-from tripod_sim.forces.dead_pressure import TurnWatch, is_closed
+from tripod_sim.forces.dead_pressure import TurnWatch
+from tripod_sim.mesh.closed_surface import encloses
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
@@ -57,12 +58,13 @@ def hollow(element: str) -> SolidMesh:
 @pytest.mark.parametrize("element", ["h8", "t10", "h20", "h27"])
 def test_a_chamber_and_a_whole_surface_are_closed_and_a_part_of_them_is_not(element: str) -> None:
     mesh = hollow(element)
-    faces = mesh.boundary[0].corners
-    inner = (np.abs(mesh.nodes[faces] - 1.5).max(axis=2) < 0.6).all(axis=1)
-    assert inner.sum() == (6 if faces.shape[1] == 4 else 12)
-    assert is_closed([faces]) and is_closed([faces[inner]]) and is_closed([faces[~inner]])
-    assert not is_closed([faces[inner][1:]])
-    assert is_closed([faces[inner], faces[~inner][:5]]), "a closed part counts"
+    (faces,) = mesh.boundary
+    inner = (np.abs(mesh.nodes[faces.nodes] - 1.5).max(axis=2) < 0.6).all(axis=1)
+    assert inner.sum() == (6 if faces.shape.corners == 4 else 12)
+    chamber, outside = (faces._replace(nodes=faces.nodes[own]) for own in (inner, ~inner))
+    assert encloses([faces]) and encloses([chamber]) and encloses([outside])
+    assert not encloses([chamber._replace(nodes=chamber.nodes[1:])])
+    assert encloses([chamber, outside._replace(nodes=outside.nodes[:5])]), "a closed part counts"
 
 
 def test_a_pressure_on_a_closed_surface_is_told_of_at_the_start(tmp_path: Path) -> None:

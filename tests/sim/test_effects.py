@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -14,10 +15,14 @@ import tripod_sim
 from tests.memory import kept
 from tests.messages import assert_names
 from tests.scenes import SHARP
+from tests.sim.actuator_scenes import beam
 from tripod_sim import Simulation, load_scene
 from tripod_sim.effects import EFFECTS, absent, meaning, named, words
 
 SOLID = ("silicone", "mesh.level=1")
+HOLLOW = beam(Path(mkdtemp(prefix="tripod_hollow_")))
+AIR = 'chamber=[{name="air", range=[-1e4, 1e4], start=2e3}]'
+CABLE = 'cable=[{name="tendon", via=[{points=[[0.015, 0.0, 0.0], [0.035, 0.0, 0.0]]}], range=[-1.0, 1.0], start=2e-3}]'
 ROBOT = (SHARP, "mesh.level=1")
 CLOTH = (
     "drape",
@@ -39,6 +44,9 @@ SCENES = {
     "robot": (*ROBOT, "servo_dynamics={}", "clamp={}", "maze={}", "ball={}"),
     "held solid": SOLID,
     "moved solid": (*SOLID, *MOVED, *words("load"), *words("initial_velocity")),
+    "pushed solid": (*SOLID, *words("force")),
+    "pulled solid": (*SOLID, *words("cable")),
+    "blown beam": (HOLLOW, AIR),
     "bare springs": ("pendulum", "gravity=off", "inertia=off"),
     "limited springs": ("pendulum", "inertia.scheme=implicit_euler", "strain_limit={}"),
     "cloth on a sphere": CLOTH,
@@ -89,6 +97,12 @@ ROWS = {
     "prescribed": Row(("free solid", "robot"), "moved solid", (*SOLID, MOVED[0]), add=MOVED[1:]),
     "load": Row(("free solid", "robot"), "moved solid", SOLID,
         "sum((t.force[:, 0] > 0).sum() for t in simulation._system.terms if t.name == 'gravity')",  # dead loads too
+    ),
+    "cable": Row(("free solid", "robot"), "pulled solid", SOLID, add=(CABLE,)),
+    "chamber": Row(("free solid", "robot"), "blown beam", (HOLLOW,), add=(AIR,)),
+    "force": Row(
+        ("free solid", "robot"), "pushed solid", SOLID, "len(simulation._system._actuated)",
+        ('force=[{name="push", set="all", direction=[1.0, 0.0, 0.0], range=[-1.0, 1.0], start=0.05}]',),
     ),
     "initial_velocity": Row(("free solid", "robot"), "moved solid", SOLID, "simulation._parts.velocities is not None"),
     "servos": Row(

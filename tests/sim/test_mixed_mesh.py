@@ -10,7 +10,7 @@ from tests.checks import law_vector
 from tests.messages import assert_names, raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.forces.set_loads import face_integrals, faces_within
+from tripod_sim.forces.set_loads import face_integrals
 from tripod_sim.forces.solid import Solid
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
@@ -268,7 +268,7 @@ def test_faces_of_all_shapes_bear_a_pressure(tmp_path: Path) -> None:
     """Underneath are quadrilaterals of hexahedra and triangles of wedges: together 2 m²."""
     mesh = three_kinds()
     below = np.flatnonzero(mesh.nodes[:, 2] < 1e-9)
-    found = faces_within(mesh, below)
+    found = mesh.faces_within(below)
     assert {f.shape.corners for f in found} == {3, 4}
     of = [face_integrals(faces, mesh.nodes) for faces in found]
     assert sum(areas.sum() for areas, _, _ in of) == pytest.approx(2.0)

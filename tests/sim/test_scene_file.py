@@ -33,6 +33,7 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene.file import MAX_BYTES, scene_from_toml, scene_text, scene_to_toml
 from tripod_sim.scene.lines import line_of
 from tripod_sim.scene.unread import unread
+from tripod_sim.tables.actuators import Cable, Chamber, Force, Via
 from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
@@ -64,6 +65,13 @@ EVERYTHING = Scene(
     load=(Load("b", force=(1.0, 2.0, -3.0)), Load("all", pressure=-1e5), Load("a", mass=0.1, share="even")),
     initial_velocity=(InitialVelocity("a", spin=(0.0, 0.0, 1.0)),),
     marker=(Marker("b"),),
+    cable=(
+        Cable(
+            "tendon", (Via(((0.0, 0.1, 0.2),)), Via(((1.0, 2.0, 3.0),), body="world")), (0.0, 0.1), slack=1e-3
+        ),
+    ),
+    chamber=(Chamber("air", (0.0, 1e5), start=1e3, cavity=2), Chamber("gas", (-1e4, 0.0), set="b", cap=True)),
+    force=(Force("push", "b", (0.0, 0.0, 1.0), (-0.5, 1 / 3), start=0.1, share="even"),),
     servos=Servos(axis_radius=0.07, angle_min=-1.5, angle_max=0.25, angles=(-1.5, 0.25, 0.1), slide=0.01),
     effector=Effector(radius=0.01),
     solver=Solver(tolerance=1e-9, max_iterations=7, max_halvings=0),

@@ -78,7 +78,7 @@ def _held(simulation: Simulation) -> list[list[float]]:
 
 def _servos(simulation: Simulation) -> dict[str, Any] | None:
     joints = simulation.joints
-    if not joints:
+    if not (joints and joints.arms):
         return None
     dynamics = simulation.scene.servo_dynamics
     return {

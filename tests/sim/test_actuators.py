@@ -1,0 +1,242 @@
+"""Actuators of a scene: commands, scripts, efforts, work, and what compliance tells of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.messages import assert_names, raises_naming
+from tests.scenes import SHARP
+from tests.sim.actuator_scenes import AIR, BY_LENGTH, BY_TENSION, PUSH, beam, finger
+from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.scene.script import script_of
+from tripod_study.run import run
+
+FINE = "solver.tolerance=1e-8"
+MOVING = ("inertia={}", "damping.stiffness=2e-3")
+ENDS = {"cable": (BY_LENGTH, 0.01), "tension": (BY_TENSION, 3.0), "force": (PUSH, 0.2), "chamber": (AIR, 5e3)}
+
+
+def made(folder: Path, kind: str, *words: str) -> Simulation:
+    source = beam(folder) if kind == "chamber" else finger(folder)
+    return Simulation(load_scene(source, [ENDS[kind][0], *words]))
+
+
+def led(simulation: Simulation, value: float, parts: int = 10) -> Simulation:
+    """Lead the first actuator evenly from 0 to `value`."""
+    for k in range(1, parts + 1):
+        simulation.step(np.array([value * k / parts, *simulation.command[1:]]))
+    return simulation
+
+
+def tip(simulation: Simulation) -> np.ndarray:
+    x = simulation.mesh.nodes[:, 0]
+    return simulation.positions[x > x.max() - 1e-9].mean(axis=0)
+
+
+@pytest.mark.parametrize("kind", ENDS)
+def test_the_work_of_an_actuator_is_the_strain_energy_at_rest(tmp_path: Path, kind: str) -> None:
+    simulation = made(tmp_path, kind)
+    work, (before, force) = 0.0, simulation.joint_work()
+    parts = 40
+    for k in range(1, parts + 1):
+        led_to = np.array([ENDS[kind][1] * k / parts, 0.0])
+        simulation.step(led_to)
+        joints, efforts = simulation.joint_work()
+        work += float(0.5 * (efforts + force) @ (joints[:1] - before[:1]))
+        before, force = joints, efforts
+    energies = simulation.energies()
+    assert energies.strain > 1e-5
+    assert work == pytest.approx(energies.strain + energies.gravity, rel=2e-3)
+
+
+@pytest.mark.parametrize("kind", ENDS)
+def test_at_rest_the_time_step_does_not_show(tmp_path: Path, kind: str) -> None:
+    still = tip(led(made(tmp_path, kind, FINE), ENDS[kind][1]))
+    for dt in (0.002, 0.005, 0.02):
+        words = (
+            FINE,
+            "inertia.scheme=implicit_euler",
+            "damping.stiffness=0.02",
+            "damping.mass=20.0",
+            f"dt={dt}",
+        )
+        simulation = led(made(tmp_path, kind, *words), ENDS[kind][1], round(0.2 / dt))
+        simulation.advance(round(3.0 / dt))
+        assert tip(simulation) == pytest.approx(still, abs=2e-6)
+
+
+def test_a_cable_by_length_and_one_by_its_tension_hold_the_same_pose(tmp_path: Path) -> None:
+    by_length = led(made(tmp_path, "cable", "solver.tolerance=1e-10"), 0.01)
+    tension = float(by_length.torques[0])
+    assert 1.0 < tension < 10.0
+    by_tension = led(made(tmp_path, "tension", "solver.tolerance=1e-10"), tension)
+    assert by_tension.positions == pytest.approx(by_length.positions, abs=1e-9)
+    (pulled,), (told,) = (part[:1] for part in by_tension.joint_work())
+    assert told == pytest.approx(tension)
+    assert pulled == pytest.approx(0.01 - tension / 1e6, abs=1e-9)  # less the stretch of the cable
+
+
+@pytest.mark.parametrize("kind", ENDS)
+def test_the_coupling_of_an_actuator_is_the_change_of_the_gradient(tmp_path: Path, kind: str) -> None:
+    simulation = led(made(tmp_path, kind), ENDS[kind][1])
+    system, state = simulation._system, simulation.state
+    joints, h = state.joints.copy(), 1e-4 * ENDS[kind][1]
+    system.drive(state, joints)
+    system.assemble(state, project=False)
+    system.evaluate(state)
+    system.write_hessian()
+    found, slope = system.reduction.drive[:, 0].copy(), system.reduction.drive_drive[0, 0]
+    ends = []
+    for sign in (1, -1):
+        system.drive(state, joints + np.array([sign * h, 0.0]))
+        system.evaluate(state)
+        ends.append((system.residual.copy(), system.efforts[0]))
+    assert found == pytest.approx(
+        (ends[0][0] - ends[1][0]) / (2 * h), rel=1e-5, abs=1e-6 * np.abs(found).max()
+    )
+    assert slope == pytest.approx((ends[0][1] - ends[1][1]) / (2 * h), rel=1e-6, abs=1e-12)
+
+
+PULLED = (
+    'cable=[{name="tendon", range=[0, 0.01], '
+    'via=[{points=[[0.0, -0.006, 0.0]]}, {body="world", points=[[0.01, 0.02, -0.03]]}]}]'
+)
+"""A cable from the disc of the Tripod to a point below it, beside its axis."""
+
+
+@pytest.mark.parametrize(
+    "word", [PULLED, 'force=[{name="push", set="all", direction=[1, 0, 1], range=[-1, 1]}]']
+)
+def test_compliance_tells_what_an_actuator_does_to_the_effector(word: str) -> None:
+    words = [word, "mesh.level=1", "solver.tolerance=1e-9", "inertia=off", "damping=off"]
+    simulation = Simulation(load_scene(SHARP, words))
+    pose = np.array([-0.5, -0.4, -0.6, 0.004, 0.01])
+    simulation.step(pose)
+    found = simulation.compliance()
+    assert found.w.shape == (10, 10)
+    assert found.angles == pytest.approx(pose[:4])
+    jacobian = found.w[:3, 6:] @ np.linalg.inv(found.w[6:, 6:])
+    for k, h in enumerate((1e-4, 1e-4, 1e-4, 1e-5)):
+        ends = []
+        for sign in (1, -1):
+            at = pose.copy()
+            at[k] += sign * h
+            simulation.step(at)
+            ends.append(simulation.effector.position)
+        assert jacobian[:, k] == pytest.approx(
+            (ends[0] - ends[1]) / (2 * h), rel=2e-3, abs=2e-4 * np.abs(jacobian).max()
+        )
+
+
+def test_a_slack_cable_has_no_tension_and_a_pushed_one_stays_slack(tmp_path: Path) -> None:
+    simulation = made(tmp_path, "cable", "cable.0.slack=2mm")
+    led(simulation, 0.0019)
+    assert simulation.torques[0] == 0.0
+    assert np.abs(simulation.positions - simulation.mesh.nodes).max() < 1e-9
+    led(simulation, 0.004)
+    assert simulation.torques[0] > 0.1
+
+
+def test_a_run_plays_the_script_of_the_scene_or_of_the_user(tmp_path: Path) -> None:
+    words = [BY_LENGTH, *MOVING, 'motion={actuate=["tendon = 0: 0; 0.2: 10mm"]}']
+    result = run(finger(tmp_path), overrides=words, duration=0.3)
+    (told,) = result["actuators"]
+    assert (told["name"], told["position_unit"], told["effort_unit"]) == ("tendon", "m", "N")
+    assert told["position"] == pytest.approx(0.01)
+    assert told["effort"] > 1.0
+    assert result["angles"] == result["torques"] == []
+    (told,) = run(finger(tmp_path), overrides=words, actuate=["tendon=0:0; 0.1:0.002"], duration=0.2)[
+        "actuators"
+    ]
+    assert told["position"] == pytest.approx(0.002)
+    stability = run(finger(tmp_path), overrides=words, duration=0.3)["figures"]["stability"]
+    assert stability["energy"]["work"] > 1e-4
+    assert not stability["energy"]["grew"]
+
+
+def test_a_tension_above_what_is_allowed_is_told_once(tmp_path: Path) -> None:
+    words = [BY_LENGTH, "cable.0.tension_max=0.5", "inertia=off", "damping=off"]
+    simulation = led(Simulation(load_scene(finger(tmp_path), words)), 0.01)
+    (note,) = [note for note in simulation.notes if "tendon" in note]
+    assert_names(note, "cable.0", "tension_max", "0.5 N")
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ([BY_LENGTH, "cable.0.range=[0.03, 0.0]"], ("cable.0.range", "smallest m")),
+        ([BY_LENGTH, "cable.0.start=0.1"], ("cable.0.start", "0.1 m", "0 to 0.03 m")),
+        (
+            [BY_LENGTH, "inertia.scheme=generalised_alpha"],
+            ("cable.0.command", "generalised_alpha", "tr_bdf2", "tension"),
+        ),
+        ([BY_LENGTH, "cable.0.name=slide"], ("cable.0.name", "'slide'")),
+        ([BY_LENGTH, "cable.0.name=My cable"], ("cable.0.name", "small letters")),
+        ([BY_LENGTH, PUSH, "force.0.name=tendon"], ("force.0.name", "'tendon'", "differ")),
+        ([BY_TENSION, "cable.0.range=[-1.0, 1.0]"], ("cable.0.range", "-1 N", "cannot push")),
+        (
+            [BY_LENGTH, 'cable.0.via=[{body="world", points=[[0, 0, 0]]}]'],
+            ("cable.0.via", "points"),
+        ),
+        ([PUSH, "force.0.direction=[0, 0, 0]"], ("force.0.direction", "zero")),
+        ([AIR, "chamber.0.cap=true"], ("chamber.0.cap", "chamber.0.set")),
+        ([AIR, "chamber.0.range=[-2e5, 0.0]"], ("chamber.0.range", "-101325 Pa")),
+    ],
+)
+def test_a_wrong_description_is_refused(tmp_path: Path, words: list[str], named: tuple[str, ...]) -> None:
+    with raises_naming(SceneError, *named):
+        load_scene(finger(tmp_path), words)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (
+            [BY_LENGTH, "cable.0.via.1.points.1=[0.03, 0.01, 0.2]"],
+            ("cable.0.via.1.points 1", "0.185 m outside"),
+        ),
+        ([BY_LENGTH, "cable.0.via.1.body=arm"], ("cable.0.via.1.body", "'arm'", "world")),
+        ([AIR], ("chamber.0.cavity", "no cavity")),
+        ([AIR, "chamber.0.set=tip"], ("chamber.0.set", "'tip'", "do not enclose", "cap")),
+        ([PUSH, "force.0.set=toe"], ("force.0.set", "'toe'")),
+        ([BY_LENGTH, "inertia.scheme=semi_implicit_euler", "damping=off"], ("inertia.scheme", "cable")),
+    ],
+)
+def test_what_does_not_fit_the_body_is_refused(
+    tmp_path: Path, words: list[str], named: tuple[str, ...]
+) -> None:
+    with raises_naming(SceneError, *named):
+        Simulation(load_scene(finger(tmp_path), words))
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("tendo=0:0", ("'tendo=0:0'", "NAME", "tendon")),
+        ("tendon", ("'tendon'", "NAME")),
+        ("tendon=0:0,1", ("tendon", "1 finite value")),
+        ("tendon=0:0;1:5kPa", ("tendon", "'5kPa'", "no number in m")),
+        ("tendon=0:0;1:0.1", ("tendon", "length", "0.1 m", "0 to 0.03 m")),
+    ],
+)
+def test_a_wrong_script_is_refused(tmp_path: Path, text: str, named: tuple[str, ...]) -> None:
+    scene = load_scene(finger(tmp_path), [BY_LENGTH])
+    with raises_naming(SceneError, "--actuate", *named):
+        script_of(scene, actuate=[text])
+    with raises_naming(SceneError, "twice"):
+        script_of(scene, actuate=["tendon=0:0", "tendon=0:0"])
+
+
+def test_commands_are_checked_and_a_reset_restores_them(tmp_path: Path) -> None:
+    simulation = made(tmp_path, "cable", *MOVING, "cable.0.start=0.005")
+    assert simulation.command[0] == 0.005
+    begin = simulation.positions.tobytes()
+    with raises_naming(SceneError, "tendon", "length 0.05 m", "0 to 0.03 m"):
+        simulation.step(np.array([0.05, 0.0]))
+    led(simulation, 0.01)
+    first = simulation.positions.tobytes()
+    simulation.reset()
+    assert simulation.positions.tobytes() == begin
+    led(simulation, 0.01)
+    assert simulation.positions.tobytes() == first
