@@ -28,6 +28,8 @@ enum {
     LEGACY_NONE = 255,
 };
 
+_Static_assert(HEADER_SIZE + 15 + PULSES_SIZE + CRC_SIZE <= BODY_MAX, "a hello reply fits into a frame");
+
 void protocol_init(struct protocol *p, uint8_t reset, const uint16_t emitted[SERVO_COUNT])
 {
     memset(p, 0, sizeof *p);
@@ -197,7 +199,7 @@ static void legacy_receive(struct protocol *p, uint8_t byte)
 
 uint8_t protocol_receive(struct protocol *p, uint8_t byte, uint8_t reply[FRAME_MAX])
 {
-    if (!p->framed)
+    if (SERVO_COUNT == LEGACY_SERVOS && !p->framed)
         legacy_receive(p, byte);
     switch (frame_receive(&p->frames, byte)) {
     case FRAME_COMPLETE:

@@ -18,16 +18,21 @@
 #ifndef SLEW
 #define SLEW 475  // largest change from one pulse to the next, 20 ms later: 4 rad/s with the workshop's servos
 #endif
+#ifndef SERVO_COUNT
+#define SERVO_COUNT 3
+#endif
 
 enum {
     FIRMWARE_MAJOR = 2,
-    FIRMWARE_MINOR = 0,
+    FIRMWARE_MINOR = 1,
     PROTOCOL_VERSION = 2,
-    SERVO_COUNT = 3,
+    SERVO_MAX = 6,
+    LEGACY_SERVOS = 3,  // in a legacy packet: a board with another number of servos takes none
     PULSE_STEP = 5,  // of the timer
     TEXT_MAX = 32,   // of an IMU line
 };
 
+_Static_assert(1 <= SERVO_COUNT && SERVO_COUNT <= SERVO_MAX, "1 <= SERVO_COUNT <= 6");
 _Static_assert(4000 <= PULSE_MIN && PULSE_MIN < PULSE_MAX && PULSE_MAX <= 26000,
                "4000 <= PULSE_MIN < PULSE_MAX <= 26000, in tenths of a microsecond");
 _Static_assert(PULSE_MIN % PULSE_STEP == 0 && PULSE_MAX % PULSE_STEP == 0, "PULSE_MIN, PULSE_MAX: multiples of 5");
@@ -57,7 +62,7 @@ struct protocol {
     uint8_t sequence;              // expected next
     uint8_t imu_sequence;
     bool framed;                   // a sound frame came: legacy is over
-    uint8_t legacy_count;          // bytes after the 255; more than three: not in a packet
+    uint8_t legacy_count;          // bytes after the 255; more than SERVO_COUNT: not in a packet
     uint8_t legacy_row;            // packets in a row that agree; they count from the third on
     uint8_t legacy[SERVO_COUNT];   // of the newest packet
     struct frame_receiver frames;  // last, so that the tests see a step beyond its end

@@ -91,13 +91,22 @@ def simulator() -> Path:
 
 
 @cache
-def native() -> Path:
+def native(servos: int = 3) -> Path:
     """Return the program of native_protocol.c: the protocol's C code on this machine, with sanitizers."""
     need("cc")
-    program = _directory() / "native_protocol"
-    flags = ["-O1", "-g", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"]
+    program = _directory() / f"native_protocol-{servos}"
+    flags = [
+        "-O1",
+        "-g",
+        "-std=c11",
+        "-fshort-enums",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-fsanitize=address,undefined",
+    ]
     sources = [HERE / "native_protocol.c", SOURCES / "protocol.c", SOURCES / "frame.c"]
-    flags += ["-fno-sanitize-recover=all", f"-I{SOURCES}"]
+    flags += ["-fno-sanitize-recover=all", f"-I{SOURCES}", f"-DSERVO_COUNT={servos}"]
     build(["cc", *flags, *map(str, sources), "-o", str(program)])
     return program
 

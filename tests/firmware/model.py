@@ -19,7 +19,6 @@ from tripod_driver.framed import (
 
 PULSE_MIN, PULSE_MAX, WATCHDOG, SLEW = 5440, 24000, 500, 475
 NEAR, ROW = 10, 3
-UNKNOWN = (0, 0, 0)
 EMITTING = (BoardState.ACTIVE, BoardState.HOLDING)
 
 
@@ -32,9 +31,10 @@ def legacy_pulse(degrees: int) -> int:
 class ModelBoard:
     """A board without a processor: bytes and milliseconds in; replies, state and pulses out."""
 
+    servos: int = 3
     state: BoardState = BoardState.IDLE
-    emitted: tuple[int, int, int] = UNKNOWN
-    target: tuple[int, int, int] = UNKNOWN
+    emitted: tuple[int, ...] = ()
+    target: tuple[int, ...] = ()
     flags: Flags = Flags.RESTARTED
     dropped: int = 0
     framed: bool = False
@@ -47,17 +47,20 @@ class ModelBoard:
     _last: tuple[int, ...] = ()
     _row: int = 0
 
+    def __post_init__(self) -> None:
+        """Nobody knows the pulses yet."""
+        self.emitted = self.target = (0,) * self.servos
+
     @property
-    def pulses(self) -> tuple[int, int, int]:
+    def pulses(self) -> tuple[int, ...]:
         """Those of the next period."""
-        a, b, c = (
+        return tuple(
             min(max(to, at - SLEW), at + SLEW) if at else to
             for at, to in zip(self.emitted, self.target, strict=True)
         )
-        return a, b, c
 
     @property
-    def told(self) -> tuple[int, int, int]:
+    def told(self) -> tuple[int, ...]:
         """The pulses in a reply."""
         return self.pulses if self.state in EMITTING else self.emitted
 
@@ -91,7 +94,7 @@ class ModelBoard:
         return encode(ImuLine(text), (self._imu_sequence - 1) % 256)
 
     def _byte(self, byte: int) -> bytes:
-        if not self.framed:
+        if self.servos == 3 and not self.framed:
             self._legacy(byte)
         if byte:
             self._piece.append(byte)
@@ -122,19 +125,20 @@ class ModelBoard:
             return Error(ErrorCode.VERSION, kind, VERSION)
         if kind not in (1, 2, 3, 4):
             return Error(ErrorCode.TYPE, kind, kind)
-        if len(payload) != (6 if kind == 2 else 0):
+        if len(payload) != (2 * self.servos if kind == 2 else 0):
             return Error(ErrorCode.LENGTH, kind, len(payload))
         if kind == 1:
             flags, self.flags = self.flags, Flags(0)
             limits = (PULSE_MIN, PULSE_MAX, WATCHDOG, SLEW)
-            return HelloReply((2, 0), VERSION, 3, *limits, ResetCause.POWER_ON, self.state, flags, self.told)
+            told = (ResetCause.POWER_ON, self.state, flags, self.told)
+            return HelloReply((2, 1), VERSION, self.servos, *limits, *told)
         if kind == 2:
-            asked = [int.from_bytes(payload[i : i + 2], "little") for i in (0, 2, 4)]
+            asked = [int.from_bytes(payload[i : i + 2], "little") for i in range(0, len(payload), 2)]
             for servo, pulse in enumerate(asked):
                 if not PULSE_MIN <= pulse <= PULSE_MAX:
                     return Error(ErrorCode.PULSE, kind, servo)
-            a, b, c = (5 * ((pulse + 2) // 5) for pulse in asked)
-            self.target, self.state = (a, b, c), BoardState.ACTIVE
+            self.target = tuple(5 * ((pulse + 2) // 5) for pulse in asked)
+            self.state = BoardState.ACTIVE
         if kind == 3 and self.state in EMITTING:
             self.state, self.target = BoardState.HOLDING, self.pulses
         if kind == 4:
@@ -159,8 +163,8 @@ class ModelBoard:
                     self._row = self._row + 1 if agree else 1
                 self._last = packet
                 if self._row == ROW:
-                    a, b, c = map(legacy_pulse, packet)
-                    self.target, self.state, self._since_command = (a, b, c), BoardState.ACTIVE, 0
+                    self.target = tuple(map(legacy_pulse, packet))
+                    self.state, self._since_command = BoardState.ACTIVE, 0
 
 
 def sound_body(piece: bytes) -> bytes | None:

@@ -1,7 +1,7 @@
 // The firmware's protocol on the machine that runs the tests: operations on standard input, results on standard output.
 // Operation: letter, count (u16, low byte first), for R and I that many bytes.
 //   Z begin again   R receive bytes   T ticks   P periods with pulses   L input lost   O output lost   I line of an IMU
-// Result: length of what was sent (u16), those bytes, state (u8), emits pulses (u8), three pulses (u16).
+// Result: length of what was sent (u16), those bytes, state (u8), emits pulses (u8), the pulses (u16).
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -6,8 +6,8 @@ from tripod_driver.framed import Decoder, Frame, Message, SetPulses, encode
 PERIOD = 0.020
 """From pulse to pulse [s]."""
 
-TOLERANCE = (1.0, 1.0, 6.0)
-"""Largest error of a pulse on D9, D10, D11 [us]."""
+TOLERANCE = (1.0, 1.0, 6.0, 6.0, 6.0, 6.0)
+"""Largest error of a pulse on D9, D10, D11, D5, D6, D7 [us]."""
 
 
 class Session:
@@ -40,7 +40,7 @@ class Session:
         assert len(frames) == 1, f"{len(frames)} answers to {message}"
         return frames[0].message
 
-    def stream(self, commands: list[tuple[int, int, int]]) -> None:
+    def stream(self, commands: list[tuple[int, ...]]) -> None:
         """Send one command a period."""
         for pulses in commands:
             self.send(SetPulses(pulses))
@@ -56,15 +56,17 @@ def pulses_so_far(board: SimulatedBoard) -> list[Pulse]:
     return found
 
 
-def rows(pulses: list[Pulse]) -> list[tuple[float, float, float]]:
-    """Return the widths of the three servos [us], one row a period; every period must be complete."""
-    by_servo = [[p for p in pulses if p.servo == servo] for servo in range(3)]
+def rows(pulses: list[Pulse], servos: int = 3) -> list[tuple[float, ...]]:
+    """Return the widths of the servos [us], one row a period; every period must be complete."""
+    by_servo = [[p for p in pulses if p.servo == servo] for servo in range(servos)]
     assert len({len(p) for p in by_servo}) == 1, "a servo lacks pulses"
+    assert sum(map(len, by_servo)) == len(pulses), "a pin without a servo has pulses"
     for together in zip(*by_servo, strict=True):
-        assert max(p.start for p in together) - min(p.start for p in together) < PERIOD / 2
-    return [(a.width, b.width, c.width) for a, b, c in zip(*by_servo, strict=True)]
+        assert max(p.start for p in together) - min(p.start for p in together) < 0.65 * PERIOD
+    return [tuple(p.width for p in together) for together in zip(*by_servo, strict=True)]
 
 
-def is_row_of(row: tuple[float, float, float], command: tuple[int, int, int]) -> bool:
+def is_row_of(row: tuple[float, ...], command: tuple[int, ...]) -> bool:
     """Whether the widths [us] are those of a command [0.1 us], within the tolerance of each pin."""
-    return all(abs(w - c / 10) <= t for w, c, t in zip(row, command, TOLERANCE, strict=True))
+    allowed = TOLERANCE[: len(command)]
+    return all(abs(w - c / 10) <= t for w, c, t in zip(row, command, allowed, strict=True))

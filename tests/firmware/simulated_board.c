@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FREQUENCY = 16000000, SERVOS = 3, INPUT = 1 << 16, OUTPUT = 1 << 16, EDGES = 1 << 16 };
+enum { FREQUENCY = 16000000, SERVOS = 6, INPUT = 1 << 16, OUTPUT = 1 << 16, EDGES = 1 << 16 };
 enum { MCUSR = 0x54, PORF = 0, EXTRF = 1, MEMORY = 0x100 };
 enum { TCCR1A = 0x80, UCSR0A = 0xC0, U2X0 = 2, UBRR0L = 0xC4, UBRR0H = 0xC5 };
 
@@ -26,6 +26,7 @@ struct board {
     uint64_t line_free, out_free;  // when the line is free again, each way
     uint32_t in_head, in_tail, out_head, out_tail, edge_count, lost;
     uint8_t level[SERVOS];
+    avr_irq_t *soft[SERVOS - 2];   // of the pins that software drives
     void (*reset_processor)(struct avr_t *);
     int was_reset;
     struct { uint64_t cycle; uint16_t value; } in[INPUT];
@@ -66,10 +67,14 @@ static void on_d10(struct avr_irq_t *irq, uint32_t value, void *b)
     on_match(b, 1, value, 4);
 }
 
-static void on_d11(struct avr_irq_t *irq, uint32_t value, void *b)
+// D11, D5, D6, D7: the pins that software drives.
+static void on_soft(struct avr_irq_t *irq, uint32_t value, void *param)
 {
-    (void)irq;
-    add_edge(b, 2, value);
+    struct board *b = param;
+    uint32_t servo = 2;
+    while (b->soft[servo - 2] != irq)
+        servo++;
+    add_edge(b, servo, value);
 }
 
 // D9 and D10 as bits of their port, of a firmware that leaves the compare outputs alone.
@@ -189,7 +194,10 @@ struct board *board_new(const char *elf, double host_baud)
     avr_irq_t *port = avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 0);
     avr_irq_register_notify(port + 1, on_pin_d9, b);
     avr_irq_register_notify(port + 2, on_pin_d10, b);
-    avr_irq_register_notify(port + 3, on_d11, b);
+    avr_irq_t *port_d = avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ('D'), 0);
+    avr_irq_t *soft[SERVOS - 2] = {port + 3, port_d + 5, port_d + 6, port_d + 7};
+    for (uint32_t i = 0; i < SERVOS - 2; i++)
+        avr_irq_register_notify(b->soft[i] = soft[i], on_soft, b);
     avr_irq_register_notify(avr_io_getirq(b->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), on_output, b);
     return b;
 }

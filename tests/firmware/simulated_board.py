@@ -12,7 +12,8 @@ from pathlib import Path
 FREQUENCY = 16_000_000
 """Of the processor [Hz]."""
 
-BOARD_PINS = ("D9", "D10", "D11")
+BOARD_PINS = ("D9", "D10", "D11", "D5", "D6", "D7")
+"""Of servos 0 to 5."""
 
 
 class _Edge(ctypes.Structure):

@@ -19,7 +19,7 @@ def make(directory: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_firmware_fits_with_all_options(tmp_path: Path) -> None:
-    run = make(tmp_path, "IMU_BAUD=9600")
+    run = make(tmp_path, "IMU_BAUD=9600", "SERVO_COUNT=6")
     assert run.returncode == 0, run.stderr
     flash, ram = map(int, re.search(r"flash (\d+) B .*, RAM (\d+) B", run.stdout).groups())
     assert 2000 < flash < 8192
@@ -59,6 +59,8 @@ def test_a_changed_parameter_builds_anew_and_an_unchanged_one_does_not(tmp_path:
 @pytest.mark.parametrize(
     ("parameter", "allowed"),
     [
+        ("SERVO_COUNT=0", "1 <= SERVO_COUNT <= 6"),
+        ("SERVO_COUNT=7", "1 <= SERVO_COUNT <= 6"),
         ("PULSE_MAX=26005", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),
         ("PULSE_MIN=3995", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),
         ("PULSE_MIN=24000", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),

@@ -31,9 +31,11 @@ from tripod_driver.framed import (
 class NativeProtocol:
     """The C code in a process of its own, where the sanitizers can stop it."""
 
-    def __init__(self) -> None:
-        self._process = subprocess.Popen([build.native()], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self.state, self.emits, self.pulses = BoardState.IDLE, False, (0, 0, 0)
+    def __init__(self, servos: int = 3) -> None:
+        command = [build.native(servos)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._servos = servos
+        self.state, self.emits, self.pulses = BoardState.IDLE, False, (0,) * servos
 
     def close(self) -> int:
         self._process.stdin.close()
@@ -44,9 +46,9 @@ class NativeProtocol:
         self._process.stdin.write(operation + count.to_bytes(2, "little") + data)
         self._process.stdin.flush()
         sent = self._take(int.from_bytes(self._take(2), "little"))
-        tail = self._take(8)
+        tail = self._take(2 + 2 * self._servos)
         self.state, self.emits = BoardState(tail[0]), bool(tail[1])
-        self.pulses = tuple(int.from_bytes(tail[i : i + 2], "little") for i in (2, 4, 6))
+        self.pulses = tuple(int.from_bytes(tail[i : i + 2], "little") for i in range(2, len(tail), 2))
         return sent
 
     def _take(self, size: int) -> bytes:
@@ -83,6 +85,13 @@ def process() -> Iterator[NativeProtocol]:
     assert native.close() == 0
 
 
+@pytest.fixture(scope="module")
+def five() -> Iterator[NativeProtocol]:
+    native = NativeProtocol(5)
+    yield native
+    assert native.close() == 0
+
+
 @pytest.fixture
 def board(process: NativeProtocol) -> NativeProtocol:
     process.begin()
@@ -98,7 +107,9 @@ def answers(data: bytes) -> list[Frame]:
 
 pulse = st.one_of(st.integers(5440, 24000), st.integers(0, 65535))
 commands = st.one_of(
-    st.sampled_from([Hello(), Hold(), Release()]), st.builds(SetPulses, st.tuples(pulse, pulse, pulse))
+    st.sampled_from([Hello(), Hold(), Release()]),
+    st.builds(SetPulses, st.tuples(pulse, pulse, pulse)),
+    st.builds(SetPulses, st.tuples(*[pulse] * 5)),
 )
 angle = st.one_of(st.integers(0, 180), st.integers(0, 255))
 legacy = st.tuples(angle, angle, angle).map(lambda a: bytes([255, *a]))
@@ -123,8 +134,17 @@ operations = st.one_of(
 
 @given(st.lists(operations, max_size=25), st.randoms(use_true_random=False))
 def test_c_code_and_model_agree_on_any_course_of_events(process, course, rng) -> None:
+    compare(process, ModelBoard(), course, rng)
+
+
+@given(st.lists(operations, max_size=25), st.randoms(use_true_random=False))
+def test_c_code_and_model_of_five_servos_agree_and_neither_takes_legacy_packets(five, course, rng) -> None:
+    compare(five, ModelBoard(servos=5), course, rng)
+
+
+def compare(process: NativeProtocol, model: ModelBoard, course: list, rng: random.Random) -> None:
+    """Let both take the same course of events."""
     process.begin()
-    model = ModelBoard()
     for operation, given_argument in course:
         argument = given_argument
         if operation == "receive" and argument and rng.random() < 0.2:  # one byte damaged
