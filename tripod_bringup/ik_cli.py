@@ -47,6 +47,7 @@ Slide = Annotated[
         "tripod reach",
         "tripod reach tripod --out reach.csv --plot reach.png",
         "tripod reach --slide 0.03 --count 7 --torque-max 0.12 --json",
+        "tripod reach cross --samples 500",
     )
 )
 def reach(
@@ -59,8 +60,20 @@ def reach(
         float | None, typer.Option(help="Largest angle \\[rad]; by default where the strips are stretched.")
     ] = None,
     count: Annotated[
-        int, typer.Option(help="Angles of each servo to try.", callback=within(2, 101, such_as="11"))
-    ] = 11,
+        int | None,
+        typer.Option(
+            help="Angles of each servo to try: a grid. By default 11, of four servos 7.",
+            callback=within(2, 101, such_as="11"),
+        ),
+    ] = None,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            help="Quasi-random samples of the angles to try instead of a grid; of more than four servos 2048 by "
+            "default.",
+            callback=within(1, 1_000_000, such_as="2048"),
+        ),
+    ] = None,
     torque_max: Annotated[
         float,
         typer.Option(
@@ -87,6 +100,7 @@ def reach(
             low=low,
             high=high,
             count=count,
+            samples=samples,
             torque_max=torque_max,
             out=out,
             plot=plot,

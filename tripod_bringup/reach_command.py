@@ -22,7 +22,8 @@ def reach_command(
     slide: float,
     low: float | None,
     high: float | None,
-    count: int,
+    count: int | None,
+    samples: int | None,
     torque_max: float,
     out: Path | None,
     plot: Path | None,
@@ -53,7 +54,9 @@ def reach_command(
             least, most = least if low is None else low, most if high is None else high
             if progress:
                 progress.say("")
-            found = reach(model, least, most, count=count, torque_max=torque_max, progress=progress)
+            found = reach(
+                model, least, most, count=count, samples=samples, torque_max=torque_max, progress=progress
+            )
         if out is not None:
             write_table(found, out)
         if plot is not None:
@@ -92,11 +95,11 @@ def check_plot(path: Path) -> None:
 
 def write_table(found: "Reach", out: Path) -> None:
     """Write the poses as CSV, one row each, SI units."""
-    from tripod_ik.reach import COLUMNS  # noqa: PLC0415
+    from tripod_ik.reach import columns  # noqa: PLC0415
 
     with replaced_text(out) as file:
         writer = csv.writer(file)
-        writer.writerow(COLUMNS)
+        writer.writerow(columns(found.servos))
         writer.writerows([f"{value:.9g}" for value in row] for row in found.table.tolist())
 
 
@@ -106,6 +109,8 @@ def summary(found: "Reach") -> dict[str, Any]:
     return {
         "poses": len(found.table),
         "bearable": len(found.bearable),
+        "samples": found.samples,
+        "spacing": found.spacing,
         "tried": found.tried,
         "folded": found.folded,
         "snapped": found.snapped,
@@ -120,12 +125,30 @@ def summary_text(found: "Reach", torque_max: float) -> str:
         f"{len(found.table)} poses of {found.tried} are on the branch of the working pose "
         f"({found.folded} beyond a fold, {found.snapped} beyond a snap, {found.failed} without equilibrium); "
         f"{len(found.bearable)} of them below {torque_max:g} N m",
+        *_spacing_text(found),
         "",
         "height [mm]      poses  radius [mm]        tilt [degrees]     torque margin [N m]",
         "                        all round, most    all round, most    least, most",
     ]
     lines += [_layer_text(layer) for layer in found.layers()]
     return "\n".join(lines)
+
+
+def _spacing_text(found: "Reach") -> list[str]:
+    """Return how dense the poses are, and what that means for the volume."""
+    lines = []
+    if found.samples:
+        lines.append(
+            f"the poses are {found.samples} quasi-random samples of the angles and the {2**found.servos} corners of "
+            "their range, no grid"
+        )
+    if math.isfinite(found.spacing):
+        more = "--samples" if found.samples else "--count"
+        lines.append(
+            f"95 % of the positions have another within {1e3 * found.spacing:.2g} mm: the border of the workspace, and "
+            f"so its volume, is known no better (finer: {more})"
+        )
+    return lines
 
 
 def _layer_text(layer: "Layer") -> str:

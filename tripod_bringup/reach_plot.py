@@ -17,9 +17,8 @@ def draw(found: "Reach", path: Path, title: str) -> None:
 
     figure = Figure(figsize=(13, 4.6), layout="constrained")
     above, side, tilts = figure.subplots(1, 3)
-    table = found.table
-    x, y, z = 1e3 * table[:, 3:6].T
-    tilt, margin = np.degrees(table[:, 8]), table[:, 12]
+    x, y, z = 1e3 * found.position.T
+    tilt, margin = np.degrees(found.tilt), found.margin
     order = np.argsort(z)
     _scatter(above, x[order], y[order], margin[order])
     above.set(xlabel="x [mm]", ylabel="y [mm]", title="from above", aspect="equal")
@@ -31,7 +30,7 @@ def draw(found: "Reach", path: Path, title: str) -> None:
         axes.grid(visible=True, alpha=0.3)
     if colours is not None:
         figure.colorbar(colours, ax=[above, side, tilts], label="torque margin [N m]")
-    figure.suptitle(f"Reach: {title}; {len(found.bearable)} of {len(table)} poses within the torque")
+    figure.suptitle(f"Reach: {title}; {len(found.bearable)} of {len(found.table)} poses within the torque")
     with replaced(path) as file:
         figure.savefig(file, format=path.suffix[1:].lower(), dpi=110)
 

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from tests.messages import raises_naming
-from tests.scenes import SHARP
+from tests.scenes import FIVE_LEGS, SHARP
 from tripod_bringup.ik_command import solution_rows
+from tripod_ik import reach as module
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel
-from tripod_ik.reach import COLUMNS, Reach, default_range, reach
+from tripod_ik.reach import Reach, columns, default_range, reach
 from tripod_ik.solve_once import solve_once
 from tripod_ik.tracker_settings import Goal
 from tripod_sim import load_scene
@@ -30,7 +32,9 @@ def test_every_pose_of_the_stretched_range_is_found_once(found):
     assert result.tried == 27
     assert len(result.table) + result.folded + result.snapped + result.failed == 27
     assert len(result.table) > 20
-    assert result.table.shape[1] == len(COLUMNS)
+    assert result.table.shape[1] == len(columns(3)) == 14
+    assert result.servos == 3
+    assert result.samples == 0
     assert len(np.unique(result.table[:, :3].round(6), axis=0)) == len(result.table)
     assert done == sorted(done)
     assert 0 < done[0] < done[-1] == 1.0
@@ -64,7 +68,7 @@ def test_layers_hold_what_the_torque_allows(found):
     assert max(layer.radius for layer in layers) > 5e-3
     heavy = result.table.copy()
     heavy[:, 12] = -1.0
-    assert Reach(heavy, 27, 0, 0, 0).layers() == []
+    assert Reach(heavy, 0, 27, 0, 0, 0).layers() == []
 
 
 def test_the_flood_ends_at_folds():
@@ -88,11 +92,71 @@ def test_the_error_of_the_mesh_is_that_of_the_branch_that_the_answer_is_on():
     assert result["mesh_error"]["effector"] == pytest.approx(there.tolist(), abs=2e-5)
 
 
+def test_samples_of_three_servos_fill_what_a_grid_finds(found):
+    """The same branch: no sample lies farther from the poses of a dense grid than these do from each other."""
+    model, *_ = found
+    model.go_home()
+    low, high = default_range(model)
+    grid = reach(model, low, high, count=7, torque_max=0.13)
+    model.go_home()
+    sampled = reach(model, low, high, samples=200, torque_max=0.13)
+    assert sampled.samples == 200
+    assert sampled.tried == 200 + 8 + 1
+    assert len(sampled.table) > 190
+    spacing = KDTree(grid.position).query(grid.position, k=2)[0][:, 1].max()
+    assert KDTree(grid.position).query(sampled.position)[0].max() < spacing
+    for row in sampled.table[:3]:
+        state = StaticModel(load_scene(SHARP, COARSE), angles=row[:3]).state()
+        assert row[3:6] == pytest.approx(state.equilibrium, abs=1e-7)
+    model.go_home()
+    again = reach(model, low, high, samples=200, torque_max=0.13)
+    np.testing.assert_array_equal(again.angles, sampled.angles)
+
+
+@pytest.mark.parametrize(
+    ("count", "tried", "samples"),
+    [
+        (1, 11, 0),
+        (2, 121, 0),
+        (4, 16, 0),
+        (5, 40 + 32 + 1, 40),
+        pytest.param(6, 40 + 64 + 1, 40, marks=pytest.mark.slow),
+    ],
+)
+def test_robots_of_other_numbers_of_servos_have_a_workspace(count, tried, samples):
+    legs = {1: 3, 2: 4}.get(count, count)
+    model = StaticModel(load_scene(FIVE_LEGS, [f"mesh.legs={legs}", f"servos.count={count}"]))
+    low, high = default_range(model)
+    density = {"count": 2} if count == 4 else {"samples": 40} if count > 4 else {}
+    result = reach(model, low, high, torque_max=0.3, **density)
+    assert (result.servos, result.samples) == (count, samples)
+    assert len(result.table) + result.folded + result.snapped + result.failed == result.tried == tried
+    assert len(result.table) > 0.8 * tried
+    assert result.table.shape[1] == len(columns(count)) == 2 * count + 8
+    model.go_home()
+    row = result.table[int(np.abs(result.angles - model.home).sum(axis=1).argmin())]
+    state = model.move(row[:count])
+    assert row[count : count + 3] == pytest.approx(state.equilibrium, abs=1e-7)
+    assert row[count + 6 : -2] == pytest.approx(state.torques, abs=1e-6)
+    assert row[-2] == pytest.approx(0.3 - np.abs(row[count + 6 : -2]).max())
+    assert 0 < result.spacing < 0.02
+    assert sum(layer.poses for layer in result.layers()) == len(result.bearable) > 0
+
+
+def test_beyond_four_servos_poses_are_sampled_by_default(monkeypatch):
+    monkeypatch.setattr(module, "SAMPLES", 6)
+    model = StaticModel(load_scene(FIVE_LEGS))
+    result = reach(model, -1.7, -1.3, torque_max=0.3)
+    assert (result.samples, result.tried) == (6, 6 + 32 + 1)
+
+
 @pytest.mark.parametrize(
     ("values", "named"),
     [
         ({"low": -1.0, "high": -1.0}, ("-1 to -1 rad", "3 steps")),
         ({"count": 1}, ("-2 to -0.6 rad", "1 steps")),
+        ({"count": None, "samples": 0}, ("0 samples", "-2 to -0.6 rad")),
+        ({"count": 3, "samples": 5}, ("count is 3", "samples is 5")),
         ({"low": -1.0}, ("start", "[-1.4, -1.4, -1.4] rad", "between -1 and -0.6 rad")),
         ({"torque_max": 0.0}, ("torque limit", "0 N m")),
         ({"torque_max": np.nan}, ("torque limit", "nan N m")),
@@ -103,7 +167,7 @@ def test_bad_grids_are_refused(found, values, named):
     model.move(np.full(3, -1.4))
     given = {"low": -2.0, "high": -0.6, "count": 3, "torque_max": 0.17} | values
     with raises_naming(IkError, *named):
-        reach(model, given["low"], given["high"], count=given["count"], torque_max=given["torque_max"])
+        reach(model, given.pop("low"), given.pop("high"), **given)
 
 
 def test_once_gives_angles_torques_and_what_is_missing():

@@ -22,7 +22,7 @@ class Servos:
         slide: At the start [m].
     """
 
-    count: int = number(3, low=2, high=12)
+    count: int = number(3, low=1, high=12)
 
     axis_radius: float = number(0.060, unit="m", above=0, high=10.0)
     axis_depth: float = number(0.02885, unit="m", low=0, high=10.0)
