@@ -11,21 +11,21 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from tripod_driver.calibration import Calibration, ServoCalibration
+from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
-from tripod_driver.calibrator import ANY_PULSE, HELP, SPEED, Calibrator, shaft_calibration
+from tripod_driver.calibrator import SPEED, Calibrator, any_pulse, help_text, shaft_calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
 from tripod_driver.link import Link
 from tripod_driver.memory import Memory, state_folder
 from tripod_driver.ports.choose import choose_port
 from tripod_driver.ports.port import Port
-from tripod_driver.protocol import AngleMapping
+from tripod_driver.protocol import SERVO_COUNT, AngleMapping
 from tripod_driver.safety import Safety, State
 from tripod_driver.session import Session
 from tripod_graph.command import CommandLimits
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.names import SERVOS
+from tripod_graph.names import servo_names
 from tripod_host.stop import taken
 from tripod_host.writing import check_place, replaced_text
 from tripod_teleop.escape import KeyParser
@@ -116,16 +116,18 @@ class CalibrateSession:
     ) -> None:
         """`sessions`: see `calibrating_sessions`; `known`: where to begin; `file`: to write."""
         lower, upper = common_bounds(sessions)
-        self.calibrator = Calibrator(known, ANY_PULSE.pulses(lower), ANY_PULSE.pulses(upper))
+        count = len(known.servos)
+        self._names, self._pulses, self._help = servo_names(count), any_pulse(count), help_text(count)
+        self.calibrator = Calibrator(known, self._pulses.pulses(lower), self._pulses.pulses(upper))
         self.code: int | None = None
-        begin = ANY_PULSE.angles(self.calibrator.pulses)
-        flat = (*begin, 0.0)
+        begin = self._pulses.angles(self.calibrator.pulses)
         limits = CommandLimits(
             angle_min=0.0,
             angle_max=math.pi,
             angle_speed=2 * SPEED,
             park_after=3600.0,
-            park=(flat[0], flat[1], flat[2], 0.0),
+            park=(*begin, 0.0),
+            count=count,
         )
         self._safety = Safety(limits, lower, upper, start=begin)
         self._link = Link(port, *sessions, retry_min=0.5, retry_max=2.0)
@@ -138,7 +140,7 @@ class CalibrateSession:
     def begin(self, now: float) -> None:
         """Open the port, and say what the keys do."""
         self.console.print(
-            f"Keys:\n{HELP}\ng begins: all servos then go slowly to where the piece should be flat."
+            f"Keys:\n{self._help}\ng begins: all servos then go slowly to where the piece should be flat."
         )
         self._driver.connect()
 
@@ -155,10 +157,10 @@ class CalibrateSession:
                 f"no key for {PATIENCE / 60:.0f} minutes: the servos park; what was found is kept"
             )
             self.calibrator.park()
-        angles = ANY_PULSE.angles(self.calibrator.advance(now))
+        angles = self._pulses.angles(self.calibrator.advance(now))
         self._safety.control_mode(DECISION, 0.0, now)
         if self._safety.listens:
-            self._safety.trajectory(SERVOS, [0.0], [angles], now, source=DECISION.source)
+            self._safety.trajectory(self._names, [0.0], [angles], now, source=DECISION.source)
         self._driver.tick(now)
         there = np.allclose(self._safety.place, angles, rtol=0, atol=1e-9)
         self.console.show(self._line())
@@ -202,7 +204,7 @@ class CalibrateSession:
         elif key == "w":
             self._write()
         elif key == "?":
-            self.console.print(f"Keys:\n{HELP}")
+            self.console.print(f"Keys:\n{self._help}")
         elif not self._safety.can_move and key in ("up", "down", "+", "-", "p"):
             self.calibrator.notice = "nothing moves yet: g begins"
         elif not self.calibrator.press(key, now):
@@ -216,7 +218,7 @@ class CalibrateSession:
             self.calibrator.notice = f"not written: {self._file}: {error.strerror}"
             return
         self.calibrator.saved()
-        servos = zip(SERVOS, self.calibrator.calibration().servos, strict=True)
+        servos = zip(self._names, self.calibrator.calibration().servos, strict=True)
         untouched = [name for name, servo in servos if servo == ServoCalibration()]
         missing = f"; still as without a calibration: {', '.join(untouched)}" if untouched else ""
         self.console.print(
@@ -232,7 +234,7 @@ class CalibrateSession:
         found, i = self.calibrator, self.calibrator.chosen
         draft, shaft = found.drafts[i], found.shafts[i]
         said = [text] if (text := found.notice or self._safety.message) else []
-        begin = " | ".join([self._safety.state.name.lower(), *said, f"{SERVOS[i]}: "])
+        begin = " | ".join([self._safety.state.name.lower(), *said, f"{self._names[i]}: "])
         if found.finds_range:
             low, high = draft.pulse_range
             return f"{begin}{found.pulses[i]:.0f} us; 0 deg at {low:.0f} us, 180 deg at {high:.0f} us"
@@ -244,17 +246,35 @@ class CalibrateSession:
 
 
 def calibrating_sessions(protocol: str, known: Calibration) -> list[Session]:
-    """Return the conversations of `protocol` that carry any pulse, see `ANY_PULSE`.
+    """Return the conversations of `protocol` that carry any pulse, see `any_pulse`.
 
     The board must make those of all shaft angles of `known`. Raises ValueError.
     """
-    return choose_sessions(protocol, AngleMapping.ROUNDED, ANY_PULSE, needed=shaft_calibration(known))
+    pulses = any_pulse(len(known.servos))
+    return choose_sessions(protocol, AngleMapping.ROUNDED, pulses, needed=shaft_calibration(known))
 
 
-def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_time: float) -> int:
-    """Calibrate in this terminal; return the exit code."""
+def known_calibration(file: Path, servos: int | None) -> Calibration:
+    """Return the calibration to begin with: that of `file`, else the workshop's of `servos` servos, by default three.
+
+    Raises CalibrationError: the file, or it is of another number of servos.
+    """
+    if not os.path.lexists(file):
+        return Calibration((ServoCalibration(),) * (servos or SERVO_COUNT))
+    known = read_calibration(file)
+    if servos not in (None, len(known.servos)):
+        raise CalibrationError(
+            f"{file} is the calibration of {len(known.servos)} servos, but --servos is {servos}; give another file"
+        )
+    return known
+
+
+def calibrate_command(
+    port: str, file: Path, *, protocol: str, baud: int, boot_time: float, servos: int | None = None
+) -> int:
+    """Calibrate in this terminal; return the exit code. `servos`: see `known_calibration`."""
     try:
-        known = read_calibration(file) if os.path.lexists(file) else Calibration()
+        known = known_calibration(file, servos)
         check_place(file)
         sessions = calibrating_sessions(protocol, known)
         place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)

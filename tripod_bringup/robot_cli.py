@@ -44,6 +44,7 @@ def doctor(
         "tripod calibrate",
         "tripod calibrate robot.yaml --port /dev/ttyACM0",
         "tripod calibrate --protocol legacy",
+        "tripod calibrate cross.yaml --servos 4",
         "tripod calibrate robot.yaml --identify heights --slide 23mm",
         "tripod calibrate robot.yaml --identify marker --camera 0 --marker 20mm",
     )
@@ -72,6 +73,13 @@ def calibrate(
             callback=within(0, 30, unit="s", such_as="2"),
         ),
     ] = 2.0,
+    servos: Annotated[
+        int | None,
+        typer.Option(
+            help="Number of servos of the robot; by default that of the file, else three.",
+            callback=within(1, 6, such_as="4"),
+        ),
+    ] = None,
     identify: Annotated[
         str | None,
         typer.Option(
@@ -143,7 +151,9 @@ def calibrate(
         )
     from tripod_bringup.calibrate_command import calibrate_command  # noqa: PLC0415
 
-    raise typer.Exit(calibrate_command(port, file, protocol=protocol, baud=baud, boot_time=boot_time))
+    raise typer.Exit(
+        calibrate_command(port, file, protocol=protocol, baud=baud, boot_time=boot_time, servos=servos)
+    )
 
 
 @commands.command(

@@ -9,7 +9,7 @@ from typing import Any, Final
 import yaml
 
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
-from tripod_graph.names import SERVOS, servo_names
+from tripod_graph.names import servo_names
 from tripod_host.reading import read_file
 
 LARGEST_FILE: Final = 65536
@@ -73,7 +73,7 @@ def parse_calibration(text: str) -> Calibration:
             raise
         raise CalibrationError(f"a value cannot be read: {_brief(str(error))}") from None
     servos = _mapping(table, "the file", ("servos",)).get("servos")
-    names = servo_names(max(len(SERVOS), len(servos) if isinstance(servos, dict) else 0))
+    names = servo_names(max(1, len(servos) if isinstance(servos, dict) else 0))
     found = _mapping(servos, "servos", names)
     if missing := [name for name in names if name not in found]:
         raise CalibrationError(f"servos.{missing[0]} is missing; all of {', '.join(names)} are needed")

@@ -11,7 +11,7 @@ from tripod_driver.calibration import (
     CalibrationError,
     ServoCalibration,
 )
-from tripod_graph.names import SERVOS
+from tripod_graph.names import servo_names
 
 SPEED: Final = 0.25
 """Speed of a shaft whose key is down [rad/s]."""
@@ -31,8 +31,8 @@ PULSE_STEP: Final = 5.0
 PULSE_PAUSE: Final = 0.1
 """Shortest time between two such steps [s]: a key held down repeats faster."""
 
-HELP: Final = """\
-  0, 1, 2      choose the servo
+_HELP: Final = """\
+  {digits:<12} choose the servo
   Up, Down     turn its shaft while the key is down, slowly; + and - by half a degree
   space        stop
   z            the piece is flat here: joint angle 0
@@ -43,6 +43,12 @@ HELP: Final = """\
                known so far only + and - go on, by 5 us: leave off where the servo hums or stops
   w            write the file
   q            leave, Ctrl-C too: all servos go slowly to where the piece is flat; any other key stops that"""
+
+
+def help_text(count: int) -> str:
+    """Return what the keys do, for a robot of `count` servos; one line each."""
+    digits = ", ".join(map(str, range(count))) if count <= 4 else f"0 to {count - 1}"
+    return _HELP.format(digits=digits)
 
 
 @dataclass
@@ -106,7 +112,7 @@ class Calibrator:
     Positions of shafts are kept as pulses, which mean the same before and after a pulse range was found.
 
     Attributes:
-        pulses: Set-points [us], shape (3,).
+        pulses: Set-points [us], shape (s,).
         chosen: Number of the servo that moves.
         finds_range: Whether the keys find its pulse range.
         drafts: What is known of each servo.
@@ -115,7 +121,7 @@ class Calibrator:
     """
 
     def __init__(self, calibration: Calibration, lower: tuple[float, ...], upper: tuple[float, ...]) -> None:
-        """Begin with all shafts where `calibration` says that the piece is flat; bounds of pulses [us], shape (3,)."""
+        """Begin with all shafts where `calibration` says that the piece is flat; bounds of pulses [us], shape (s,)."""
         self.drafts = [Draft.of(servo) for servo in calibration.servos]
         self._lower, self._upper = lower, upper
         self.pulses = self._flat
@@ -129,13 +135,18 @@ class Calibrator:
         self._stepped_at = float("-inf")
 
     @property
+    def chosen_name(self) -> str:
+        """Name of the servo that moves."""
+        return servo_names(len(self.drafts))[self.chosen]
+
+    @property
     def shafts(self) -> list[float]:
-        """Set-points [rad], 0 to pi within the pulse ranges found so far, shape (3,)."""
+        """Set-points [rad], 0 to pi within the pulse ranges found so far, shape (s,)."""
         return [draft.shaft(pulse) for draft, pulse in zip(self.drafts, self.pulses, strict=True)]
 
     @property
     def _flat(self) -> list[float]:
-        """Where the piece is flat [us], as far as that can be sent, shape (3,)."""
+        """Where the piece is flat [us], as far as that can be sent, shape (s,)."""
         return [
             min(max(draft.pulse(draft.flat), low), high)
             for draft, low, high in zip(self.drafts, self._lower, self._upper, strict=True)
@@ -162,9 +173,9 @@ class Calibrator:
         self.notice = ""
         if key == "space":
             self.notice = "stopped" if moving else "at rest"
-        elif key in ("0", "1", "2"):
+        elif key in map(str, range(len(self.drafts))):
             self.chosen, self.finds_range = int(key), False
-            self.notice = f"{SERVOS[self.chosen]} moves now"
+            self.notice = f"{self.chosen_name} moves now"
         elif key == "p":
             self._begin_or_end_range()
         elif self.finds_range:
@@ -201,7 +212,7 @@ class Calibrator:
     # the pulse range --------------------------------------------------------------------------------------------
 
     def _begin_or_end_range(self) -> None:
-        name = SERVOS[self.chosen]
+        name = self.chosen_name
         if self.finds_range:
             self.finds_range, self.notice = False, f"pulse range of {name} left; mark flat, [ and ] again"
         elif self._board is None:
@@ -234,7 +245,7 @@ class Calibrator:
         return True
 
     def advance(self, now: float) -> list[float]:
-        """Return the pulses due at `now` [s], in us, shape (3,); call it at a regular rate."""
+        """Return the pulses due at `now` [s], in us, shape (s,); call it at a regular rate."""
         if self._parking:
             duration = min(max(0.0, now - self._last), HOLD)
             for i, (draft, flat) in enumerate(zip(self.drafts, self._flat, strict=True)):
@@ -276,13 +287,12 @@ class Calibrator:
         self.notice, self.changed = notice, True
 
 
-def _any_pulse() -> Calibration:
+def any_pulse(count: int) -> Calibration:
+    """Return the calibration for the conversation with a board of `count` servos: its joint angles are pulses of any
+    width, 0 the shortest, pi the longest.
+    """
     servo = ServoCalibration(0.0, 1, (PULSE_LOWEST, PULSE_HIGHEST), (0.0, math.pi))
-    return Calibration((servo,) * len(SERVOS))
-
-
-ANY_PULSE: Final = _any_pulse()
-"""For the conversation with the board: its joint angles are pulses of any width, 0 the shortest, pi the longest."""
+    return Calibration((servo,) * count)
 
 
 def shaft_calibration(calibration: Calibration) -> Calibration:

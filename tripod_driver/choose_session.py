@@ -5,7 +5,7 @@ from typing import Final
 
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed_session import FramedSession
-from tripod_driver.protocol import WORKSHOP, AngleMapping
+from tripod_driver.protocol import SERVO_COUNT, WORKSHOP, AngleMapping
 from tripod_driver.session import LegacySession, Session
 
 OR: Final = "_or_"
@@ -25,10 +25,16 @@ def choose_sessions(
     """Return the conversations for `word`, one of PROTOCOLS, in the order in which they are tried.
 
     `mapping` and `start` are for the workshop's protocols, see `LegacySession`, `needed` for `FramedSession`. Raises
-    ValueError: `word` is none of them.
+    ValueError: `word` is none of them, or does not carry so many servos.
     """
     if word not in PROTOCOLS:
         raise ValueError(f"protocol {word!r} is unknown; allowed: {', '.join(PROTOCOLS)}")
+    count = len(calibration.servos)
+    if count != SERVO_COUNT and word != FramedSession.name:
+        raise ValueError(
+            f"protocol {word} carries {SERVO_COUNT} angles, but the robot has {count} servos; use protocol framed, "
+            "with this project's firmware"
+        )
 
     def session(name: str) -> Session:
         if name in WORKSHOP:

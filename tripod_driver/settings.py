@@ -118,11 +118,6 @@ def _parts(values: Mapping[str, Any]) -> tuple[list[Session], Port, CommandLimit
     start, count = values["start"], values["servos"]
     if start and len(start) != count:
         raise ValueError(f"parameter 'start' has {len(start)} values; it needs {count}")
-    if count != SERVO_COUNT and values["protocol"] != "framed":
-        raise ValueError(
-            f"parameter 'servos' is {count}, but protocol {values['protocol']} carries {SERVO_COUNT} "
-            "angles; write --set protocol=framed"
-        )
     if values["retry_max"] < values["retry_min"]:
         raise ValueError(
             f"parameter 'retry_max' is {values['retry_max']:g} s; allowed: at least retry_min {values['retry_min']:g} s"

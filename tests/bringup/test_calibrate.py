@@ -18,7 +18,16 @@ from tripod_bringup.calibrate_command import (
 )
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.calibration_file import read_calibration
-from tripod_driver.calibrator import FINE, HELP, HOLD, PULSE_PAUSE, PULSE_SPEED, PULSE_STEP, SPEED, Calibrator
+from tripod_driver.calibrator import (
+    FINE,
+    HOLD,
+    PULSE_PAUSE,
+    PULSE_SPEED,
+    PULSE_STEP,
+    SPEED,
+    Calibrator,
+    help_text,
+)
 from tripod_driver.framed import VERSION
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
@@ -170,7 +179,7 @@ def test_ctrl_c_before_anything_moved_ends_at_once(tmp_path: Path) -> None:
     bench = Bench(tmp_path, {0.5: b"?"})
     stopped = lambda: int(bench.console.now > 1.0)  # noqa: E731
     assert calibrate(bench.session, bench.console.clock, bench.console.sleep, stopped) == 0
-    assert "\n".join(bench.console.said).count(HELP) == 2
+    assert "\n".join(bench.console.said).count(help_text(3)) == 2
     assert_names(bench.console.said[-1], "nothing", "moved")
     assert not bench.board.history
     assert not bench.port.is_open

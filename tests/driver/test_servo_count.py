@@ -67,7 +67,7 @@ def test_a_driver_of_five_servos_follows_five_joints_and_refuses_three(tmp_path,
 
 @pytest.mark.parametrize("protocol", [p for p in PROTOCOLS if p != "framed"])
 def test_packets_of_the_workshop_are_for_three(protocol: str) -> None:
-    with raises_naming(ValueError, "'servos'", 4, f"protocol {protocol}", 3, "--set protocol=framed"):
+    with raises_naming(ValueError, "4 servos", f"protocol {protocol}", "3 angles", "protocol framed"):
         driver_of(servos=4, protocol=protocol)
 
 
