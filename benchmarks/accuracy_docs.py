@@ -222,7 +222,10 @@ def scene_files(found: list[dict[str, Any]]) -> dict[Path, str]:
 
 def old(found: list[dict[str, Any]]) -> list[str]:
     """Return in words which studies were measured with other code than this."""
-    codes = {r["study"]: (r["versions"].get("code"), fingerprint(plan(r["study"], quick=False).module)) for r in found}
+    codes = {
+        r["study"]: (r["versions"].get("code"), fingerprint(plan(r["study"], quick=False).module))
+        for r in found
+    }
     return [
         f"{name}: measured with code {code}, here it is {here}"
         for name, (code, here) in codes.items()
