@@ -55,7 +55,7 @@ def test_each_scene_that_comes_along_is_shown_with_all_that_is_in_it(name: str) 
     assert len(film.bodies) == bool(scene.mesh or scene.springs) + len(scene.body) + len(scene.rigid)
     assert all(len(body.triangles) for body in film.bodies)
     names = [piece.name for piece in film.pieces]
-    assert ("arm 2" in names) == bool(joints_of(scene))
+    assert ("arm 2" in names) == bool((joints := joints_of(scene)) and joints.arms)
     assert ("maze" in names) == ("goal" in names) == bool(scene.maze)
     assert names.count("ball") == 2 * bool(scene.ball)
     assert ("obstacles" in names) == bool(scene.obstacles)
@@ -64,7 +64,9 @@ def test_each_scene_that_comes_along_is_shown_with_all_that_is_in_it(name: str) 
     soft = [body.colour for body in film.bodies[: len(film.bodies) - len(scene.rigid)]]
     assert soft.count(SILICONE) == min(solids, 1)
     assert len(set(soft)) == len(soft)  # each body can be told from the others
-    assert ("servo torques" in [c.title for c in film.curves]) == bool(joints_of(scene))
+    assert ("servo torques" in [c.title for c in film.curves]) == bool(
+        (joints := joints_of(scene)) and joints.arms
+    )
 
 
 def test_a_run_writes_what_is_asked_and_says_so(tmp_path: Path) -> None:
