@@ -1,5 +1,6 @@
 """The result of `tripod run` as people read it: millimetres and degrees, one row a matter. Pure."""
 
+import json
 import math
 import shlex
 from collections.abc import Mapping, Sequence
@@ -101,13 +102,24 @@ def _next(result: Mapping[str, Any], again: Sequence[str], *, view: bool) -> str
     if result.get("instability"):
         first = f"smaller steps: {command} --set dt={0.5 * result['dt']:.3g}"
     elif not _is_known(result):
-        first = f"measure the error: {shlex.join(['tripod', 'study', *again[2:]])} --quick"
+        first = f"measure the error: {shlex.join(['tripod', 'study', *_studied(again[2:])])} --quick"
     elif figures.get("finer") and not result.get("accuracy"):
         own = f" --study {shlex.quote(result['study'])}" if result.get("study") else ""
         first = f"a smaller error: {command} --accuracy {figures['finer']}{own}"
     else:
         first = f"what a step costs: tripod explain {shlex.quote(again[2])}"
     return "; ".join([first, *([] if view else ["see it move: add --view"]), "all values: add --verbose"])
+
+
+def _studied(words: Sequence[str]) -> list[str]:
+    """Return the words of a run as a study takes them: with `--actuate` as the motion of the scene."""
+    found, actuate, rest = list[str](), list[str](), iter(words)
+    for word in rest:
+        if word == "--actuate":
+            actuate.append(next(rest))
+        else:
+            found.append(word)
+    return [*found, "--set", f"motion={{actuate={json.dumps(actuate)}}}"] if actuate else found
 
 
 def _digits(value: float) -> str:

@@ -1,6 +1,7 @@
 """The lines of `tripod run`: those for everybody, and those of `--verbose`."""
 
 import math
+import shlex
 from typing import Any
 
 import pytest
@@ -113,6 +114,9 @@ def test_an_error_that_nobody_measured_is_said_to_be_unknown_with_the_command_th
     found = short(figures=unknown)
     assert_names(found["error"], "not known")
     assert_names(found["next"], "tripod study cloth --quick")
+    own = short("--actuate", "tendon=0:0; 1:5mm", "--set", "dt=0.01", figures={"error": unknown["error"]})
+    assert_names(own["next"], shlex.quote('motion={actuate=["tendon=0:0; 1:5mm"]}'))
+    assert not names(own["next"], "--actuate"), "a study takes the motion of the scene"
     estimated = short(
         figures=unknown, time_error={"effector": 3e-5, "largest": 4e-5, "node": 7, "added": 1e-6}
     )

@@ -386,6 +386,10 @@ def test_values_go_to_other_nodes_by_tetrahedra_too(element: str) -> None:
         (["mesh_error={}"], ("mesh_error needs clamp", "ideal clamp", "singular")),
         ([CLAMP, "mesh_error={}", "effector=off"], ("mesh_error needs effector",)),
         (["clamp={}", "mesh_error={}"], ("clamp.stiffness", "1.2 mm", "at most ")),
+        (
+            [CLAMP, "mesh_error={}", "force=[{name='push', set='all', direction=[1,0,0], range=[0,1]}]"],
+            ("mesh_error", "force", "cannot be combined"),
+        ),
         ([CLAMP, "material.young=1e5", "mesh_error={}"], ("clamp.stiffness is 1.4e+10 N/m⁴",)),
         (
             [

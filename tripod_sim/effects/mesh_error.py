@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from tripod_sim.effect import Described, Effect, Need
 from tripod_sim.errors import SceneError
+from tripod_sim.tables.actuators import actuator_tables
 from tripod_sim.tables.fields import number
 from tripod_sim.tables.materials import initial_young
 from tripod_sim.tables.short_forms import discs_of, soft_bodies
@@ -38,6 +39,11 @@ def check(table: MeshError, scene: Described) -> None:
         raise SceneError(
             "mesh_error and platform cannot be combined: the error of one body says nothing about a "
             "platform that several bodies carry; leave one out"
+        )
+    if others := ", ".join(kind for kind, i, _ in actuator_tables(scene) if not i):
+        raise SceneError(
+            f"mesh_error and {others} cannot be combined so far: the error of the mesh is told of servos and loads; "
+            "leave one out"
         )
     material, stiffness = bodies[0].material, scene.clamp.stiffness
     shear = initial_young(material) / (2 + 2 * material.poisson)
