@@ -78,6 +78,11 @@ def _cube(z: float) -> str:
     return f"obstacles=[{{source='{source}', scale=0.04, position=[{PLACE}, {z}]}}]"
 
 
+def _cable(points: str) -> str:
+    """Return the words for a cable through points of the first body."""
+    return f'cable=[{{name="tendon", via=[{{points=[{points}]}}], range=[-1.0, 1.0]}}]'
+
+
 SPECIAL: dict[str, Thing] = {
     "damping": Thing(("damping={mass=1.0, stiffness=1e-4}",)),
     "fixed": Thing(
@@ -92,6 +97,13 @@ SPECIAL: dict[str, Thing] = {
         ("solid",),
     ),
     "load": Thing(words("load"), ("solid",)),
+    "cable": Thing(
+        words("cable"),
+        on={"springs": (_cable("[-0.016, -0.0343, 0.003], [-0.022, -0.0403, 0.003]"),)},
+    ),
+    "force": Thing(
+        ('force=[{name="push", set="all", direction=[0.0, 0.0, 1.0], range=[-1.0, 1.0], share="even"}]',)
+    ),
     "servos": Thing(("servos={}",), ("solid",)),
     "servo_dynamics": Thing(("servo_dynamics={}",), ("servos",)),
     "clamp": Thing(("clamp={}",), ("servos",)),
@@ -165,6 +177,27 @@ WHY: tuple[tuple[str, str, str], ...] = (
     ("(rigid|ball) needs inertia", PHYSICS, "the rest position of a free body is not determined"),
     ("nothing holds the body", PHYSICS, "a free body has no static equilibrium"),
     ("initial_velocity needs inertia", PHYSICS, "at rest all velocities are zero"),
+    (
+        "cable.0.command is 'length', but inertia.scheme",
+        PHYSICS,
+        "the scheme gains energy where a stiff force comes and goes",
+    ),
+    (
+        r"inertia.scheme is '\w+', which cannot compute (cable|chamber|force)",
+        LATER,
+        "explicit loops know no commanded forces",
+    ),
+    (
+        r"mesh_error and [\w, ]+ cannot be combined so far",
+        LATER,
+        "the estimate knows servos and loads only",
+    ),
+    ("chamber.0.body is a net of springs", PHYSICS, "a net encloses no volume"),
+    (
+        "chamber.0.cavity is 0",
+        PHYSICS,
+        "the pieces of this table have no cavity; `tests/sim/test_actuators.py` has one",
+    ),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),
 )
 """Beginning of a refusal, as a regular expression; whose it is; why, or what is missing."""
