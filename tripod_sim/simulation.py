@@ -105,7 +105,7 @@ class Simulation:
         state: Positions, velocities, joints, time, which each step overwrites; read it, change it only through the
             methods.
         report: What the last step took.
-        efforts: dV/dq of each actuator, shape (a,): the torque that a servo exerts on the body, about its axis towards
+        torques: dV/dq of each actuator, shape (a,): the torque that a servo exerts on the body, about its axis towards
             growing angle [N m]; of others see `forces.actuator`. Each step makes a new array.
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
         notes: What users should know of the scene.

@@ -1,4 +1,4 @@
-"""Actuators of a scene: commands, scripts, efforts, work, and what compliance tells of them."""
+"""Cables, chambers and forces in a scene: commands, scripts, energy, compliance, refusals."""
 
 from pathlib import Path
 

@@ -9,6 +9,8 @@ import pytest
 from tests.messages import assert_names, names, raises_naming
 from tripod_sim import SceneError, Simulation, load_scene
 
+EMIO = Path(__file__).parents[2] / "examples" / "emio.toml"
+
 SCENE = """
 name = "bridge"
 [mesh]
@@ -60,6 +62,12 @@ def test_a_gap_in_the_mesh_is_told(tmp_path: Path, words: tuple[str, ...]) -> No
 @pytest.mark.parametrize("lift", [25.0, -25.0])
 def test_a_mesh_beside_the_plane_of_the_arms_is_told(tmp_path: Path, lift: float) -> None:
     assert_names(notes(written(tmp_path, lift=lift)), "servo_0", f"{lift - 2.5:g}", "z = 0", "axis_depth")
+
+
+def test_arms_that_stand_where_the_user_puts_them_have_no_plane() -> None:
+    """Those of emio hold what lies below their axes."""
+    told = " ".join(Simulation(load_scene(EMIO, ["servos.axis_depth=0.2"])).notes)
+    assert not names(told, "plane")
 
 
 def test_where_an_arm_holds_nothing_the_way_out_is_the_right_one(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def hold(servos: Servos, draft: Draft) -> None:
     for i, (arm, frame) in enumerate(zip(joints.arms, draft.driven, strict=True)):
         up = arm.frame[:, 2]
         heights = (draft.rest[frame.nodes] - arm.hub) @ up - arm.table.axis_depth
-        if (not isinstance(arm.held, str) and heights.min() > LEVEL) or heights.max() < -LEVEL:
+        if not isinstance(arm.held, str) and (heights.min() > LEVEL or heights.max() < -LEVEL):
             draft.notes.append(
                 f"servo_{i} holds nodes {1e3 * heights.min():.3g} to {1e3 * heights.max():.3g} mm above the plane that "
                 "its arm is made for, z = 0 of the body: move the mesh into that plane, or change servos.axis_depth"
