@@ -43,7 +43,7 @@ def measure(overrides: tuple[str, ...]) -> dict[str, float]:
     found["L2 strain energy"] = pose((QUARTER,) * 3 + (0.0,), overrides).energies().strain
     found["L3 shift"] = float(np.hypot(*pose((QUARTER, 0, 0, 0), overrides).state.centres[0, :2]))
     working = pose((-1.4965, -1.4965, -1.4965, 0.035), overrides)
-    found["L4 height"], found["L4 torque"] = working.state.centres[0, 2], working.torques[0]
+    found["L4 height"], found["L4 torque"] = working.state.centres[0, 2], working.efforts[0]
     return found
 
 

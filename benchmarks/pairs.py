@@ -263,7 +263,7 @@ class Checker:
         except Exception as error:  # noqa: BLE001
             return "", f"{type(error).__name__}: {error}"
         state = simulation.state
-        arrays = [simulation.positions, state.velocities, simulation.torques]
+        arrays = [simulation.positions, state.velocities, simulation.efforts]
         return "", "" if all(np.isfinite(a).all() for a in arrays) else "a number is not finite"
 
 

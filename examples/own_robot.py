@@ -21,7 +21,7 @@ def reach(scene: str) -> tuple[float, float]:
         simulation.step(np.array([-0.4, -0.4, -0.4, 0.0]) * share)
     moved = simulation.effector.position - start
     assert abs(moved[:2]).max() < 1e-6, "servos that turn alike move the effector straight up or down"
-    return moved[2], abs(simulation.torques).max()
+    return moved[2], abs(simulation.efforts).max()
 
 
 def main() -> None:

@@ -60,7 +60,7 @@ rows = []
 while simulation.state.time < 1.6:
     t = simulation.state.time + simulation.scene.dt
     simulation.step(np.array([np.interp(t, times, column) for column in zip(*goals, strict=True)]))
-    rows.append((t, *simulation.state.joints[:3], *simulation.torques, *(1e3 * simulation.effector.position)))
+    rows.append((t, *simulation.state.joints[:3], *simulation.efforts, *(1e3 * simulation.effector.position)))
 t, a, b, c, *torques, x, y, z = np.array(rows).T
 _, axes = plt.subplots(1, 3, figsize=(11, 3.4))
 for k, angle in enumerate((a, b, c)):
@@ -136,7 +136,7 @@ for stall in simulation.report.stalled:
 for slide in (0.01, 0.02, 0.03):
     simulation = forty_five(slide)
     state = f"{len(simulation.report.stalled)} stall" if simulation.report.stalled else "all arrive"
-    print(f"slide {1e3 * slide:.0f} mm: {state}, torque {abs(simulation.torques).max():.3f} N m")
+    print(f"slide {1e3 * slide:.0f} mm: {state}, torque {abs(simulation.efforts).max():.3f} N m")
 
 # %% [markdown]
 # ## Questions

@@ -110,6 +110,6 @@ def assert_failing_leaves_the_state(
     before = simulation.save()[0]
     with pytest.raises(StepError, match="no way"):
         simulation.step()
-    assert checkpoint_bytes(Checkpoint(0, simulation.state, simulation.torques)) == checkpoint_bytes(
-        Checkpoint(0, before, simulation.torques)
+    assert checkpoint_bytes(Checkpoint(0, simulation.state, simulation.efforts)) == checkpoint_bytes(
+        Checkpoint(0, before, simulation.efforts)
     )

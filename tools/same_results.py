@@ -46,10 +46,10 @@ def states_of(name: str, steps: int, moved: float) -> FloatArray:
         try:
             simulation.step(joints)
         except StepError:
-            kept.append(np.full(simulation.positions.size + simulation.torques.size, np.nan))
+            kept.append(np.full(simulation.positions.size + simulation.efforts.size, np.nan))
             break
         if k % EVERY == EVERY - 1:
-            kept.append(np.append(simulation.positions.ravel(), simulation.torques))
+            kept.append(np.append(simulation.positions.ravel(), simulation.efforts))
     return np.array(kept)
 
 

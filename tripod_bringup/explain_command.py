@@ -198,9 +198,9 @@ def error_lines(found: "SpatialError") -> list[str]:
     lines.append(
         f"  strain energy  {1e3 * found.strain:.3g} mJ, computed {1e3 * found.strain_computed:.4g} mJ"
     )
-    if len(found.torques):
+    if len(found.efforts):
         lines.append(
-            f"  torques   {_three(found.torques, 1)} N m, computed {_three(found.torques_computed, 1)} N m"
+            f"  torques   {_three(found.efforts, 1)} N m, computed {_three(found.efforts_computed, 1)} N m"
         )
     return lines
 

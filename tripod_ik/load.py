@@ -112,7 +112,7 @@ class LoadObserver:
         return replace(
             state,
             equilibrium_offset=state.equilibrium_offset - force * h,
-            torques=state.torques + force * (state.stiffness @ state.W[6:, 2]),
+            efforts=state.efforts + force * (state.stiffness @ state.W[6:, 2]),
         )
 
     def measure(self, position: FloatArray | None, normal: FloatArray, now: float) -> None:

@@ -26,7 +26,7 @@ def linear_state(message: Any) -> LinearState:
     return LinearState(
         joint_names=joints,
         angles=message.angles,
-        torques=message.torques,
+        efforts=message.efforts,
         effector=(p.x, p.y, p.z),  # type: ignore[arg-type]
         rotation=(q.x, q.y, q.z, q.w),  # type: ignore[arg-type]
         equilibrium_offset=message.equilibrium_offset,

@@ -89,7 +89,7 @@ def linear_state(c: Compliance) -> LinearState:
     """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used."""
     soft = c.stability_margin
     return LinearState(
-        servo_names(len(c.angles)), c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w,
+        servo_names(len(c.angles)), c.angles, c.efforts, c.position, c.quaternion, c.equilibrium_offset, c.w,
         soft.value if soft else 1.0, soft.slope if soft else np.zeros(0),
     )  # fmt: skip
 
@@ -183,7 +183,7 @@ class StaticModel:
 
     def _angles(self, angles: FloatArray) -> FloatArray:
         """Return a copy of `angles`. Raises IkError: another shape, or not finite."""
-        return frozen("angles", angles, (len(self.simulation.torques),))
+        return frozen("angles", angles, (len(self.simulation.efforts),))
 
     def follow(
         self,
@@ -259,7 +259,7 @@ class StaticModel:
     @property
     def home(self) -> FloatArray:
         """Angles that the model was built at [rad], shape (s,)."""
-        return self._home[0][0].joints[: len(self.simulation.torques)]
+        return self._home[0][0].joints[: len(self.simulation.efforts)]
 
     def go_home(self) -> LinearState:
         """Return to the pose that the model was built in, without moving there, and return the state."""

@@ -365,9 +365,9 @@ def _row(state: LinearState, torque_max: float) -> FloatArray:
     normal = state.equilibrium_rotation[:, 2]
     roll, pitch = roll_pitch(normal)
     tilt = float(np.arctan2(np.hypot(normal[0], normal[1]), normal[2]))
-    margin = torque_max - float(np.abs(state.torques).max())
+    margin = torque_max - float(np.abs(state.efforts).max())
     least = float(np.linalg.svd(state.jacobian[:3], compute_uv=False)[-1])
-    return np.array([*state.angles, *state.equilibrium, roll, pitch, tilt, *state.torques, margin, least])
+    return np.array([*state.angles, *state.equilibrium, roll, pitch, tilt, *state.efforts, margin, least])
 
 
 def _all_round(direction: FloatArray, size: FloatArray) -> float:

@@ -112,13 +112,13 @@ class TorqueLimit(RowLimit):
     def needs(self, state: LinearState) -> str:
         """Return the largest torque, and the limit."""
         limit = f"{np.min(self.maximum):g}"
-        return f"a torque of {np.abs(state.torques).max():.2g} N m (limit {limit} N m)"
+        return f"a torque of {np.abs(state.efforts).max():.2g} N m (limit {limit} N m)"
 
     def rows(self, state: LinearState) -> LimitRows:
         """Return -maximum - tau ≤ K δ ≤ maximum - tau [N m]."""
         maximum = per_joint("torque limit", self.maximum, len(state.angles))
         names = tuple(f"{name} torque" for name in state.joint_names)
-        return LimitRows(state.stiffness, -maximum - state.torques, maximum - state.torques, names)
+        return LimitRows(state.stiffness, -maximum - state.efforts, maximum - state.efforts, names)
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,7 +114,7 @@ def solve_once(
         "reason": "" if outcome is Outcome.REACHED else motion.reason,
         "reached": outcome is Outcome.REACHED,
         "angles": state.angles.tolist(),
-        "torques": state.torques.tolist(),
+        "torques": state.efforts.tolist(),
         "position": state.equilibrium.tolist(),
         "roll": found[0],
         "pitch": found[1],

@@ -35,7 +35,7 @@ class LinearState:
     Attributes:
         joint_names: The n servos, in the order of the rows.
         angles: Servo angles [rad], shape (n,).
-        torques: Torque of each servo on the body about its axis [N m], shape (n,).
+        efforts: Torque of each servo on the body about its axis [N m], shape (n,).
         effector: Position of the effector [m], shape (3,), in the frame `world`.
         rotation: Orientation of the effector, unit quaternion (x, y, z, w), shape (4,).
         equilibrium_offset: From that pose to the static equilibrium at the same angles: translation [m] (3)
@@ -48,7 +48,7 @@ class LinearState:
 
     joint_names: tuple[str, ...]
     angles: FloatArray
-    torques: FloatArray
+    efforts: FloatArray
     effector: FloatArray
     rotation: FloatArray
     equilibrium_offset: FloatArray
@@ -63,7 +63,7 @@ class LinearState:
             raise IkError(f"joint names {list(names)}: at least one, each once")
         shapes = {
             "angles": (n,),
-            "torques": (n,),
+            "efforts": (n,),
             "effector": (3,),
             "rotation": (4,),
             "equilibrium_offset": (6,),

@@ -54,7 +54,7 @@ class Image:
         return replace(
             state,
             angles=state.angles[self.servos],
-            torques=state.torques[self.servos],
+            efforts=state.efforts[self.servos],
             effector=M @ state.effector,
             rotation=np.append(axial @ state.rotation[:3], state.rotation[3]),
             equilibrium_offset=T[:6, :6] @ state.equilibrium_offset,

@@ -440,7 +440,7 @@ class Tracker:
         return limits
 
     def _torque_ceiling(self, state: LinearState) -> FloatArray:
-        found, maximum = np.abs(state.torques), self.settings.torque_max
+        found, maximum = np.abs(state.efforts), self.settings.torque_max
         self._torque = np.where(found <= maximum, maximum, found if self._torque is None else self._torque)
         return self._torque
 

@@ -107,7 +107,7 @@ def solve(
     assert ball
     where = game.local(simulation.state, ball)[:2]
     pictures: deque[FloatArray | None] = deque([where + eye.noise * rng.standard_normal(2)] * (late + 1))
-    joints, share, track = simulation.command, np.zeros(len(simulation.torques)), []
+    joints, share, track = simulation.command, np.zeros(len(simulation.efforts)), []
     for k in range(round(limit / dt)):
         if k % every == 0:
             where = game.local(simulation.state, ball)[:2]

@@ -29,18 +29,18 @@ class Checkpoint:
     Attributes:
         epoch: How often it had been reset.
         state: With the number of the step.
-        torques: Of the servos [N m], shape (s,).
+        efforts: Of the servos [N m], shape (s,).
     """
 
     epoch: int
     state: State
-    torques: FloatArray
+    efforts: FloatArray
 
 
 def checkpoint_bytes(checkpoint: Checkpoint) -> bytes:
     """Return a checkpoint as an npz file, without pickled objects."""
     file = io.BytesIO()
-    numbers: dict[str, Any] = {"epoch": checkpoint.epoch, "torques": checkpoint.torques}
+    numbers: dict[str, Any] = {"epoch": checkpoint.epoch, "torques": checkpoint.efforts}
     for name, owner, field in _leaves(checkpoint.state):
         numbers[f"state.{name}"] = getattr(owner, field)
     np.savez(file, **numbers)
@@ -76,10 +76,10 @@ def read_checkpoint(data: bytes, simulation: Simulation) -> Checkpoint:
         raise SceneError(
             f"the checkpoint is not of this scene: {error}; load the scene with which it was made"
         ) from None
-    if torques.shape != simulation.torques.shape:
+    if torques.shape != simulation.efforts.shape:
         raise SceneError(
             f"the checkpoint is of another scene: it has {torques.size} torques, here "
-            f"{simulation.torques.size}; load the scene with which it was made"
+            f"{simulation.efforts.size}; load the scene with which it was made"
         )
     return Checkpoint(epoch, state, torques)
 

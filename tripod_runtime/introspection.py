@@ -79,14 +79,14 @@ class Introspection:
     def reset(self, first: Snapshot) -> None:
         """Restart the energy books: the simulation is back in its start state."""
         with self._lock:
-            self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
+            self._books = EnergyBooks(first.energies, first.joints, first.efforts, first.time)
             self._halvings, self._latest = 0, first
             self.stability_margin: list[float] | None = None
 
     def keep(self, snapshot: Snapshot) -> None:
         """Enter a step into the books; called in the thread of the physics."""
         with self._lock:
-            self._books.add(snapshot.energies, snapshot.joints, snapshot.torques, snapshot.time)
+            self._books.add(snapshot.energies, snapshot.joints, snapshot.efforts, snapshot.time)
             self._halvings += snapshot.report.halvings
             self._latest = snapshot
             if snapshot.compliance and (soft := snapshot.compliance.stability_margin):

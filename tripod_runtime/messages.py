@@ -76,7 +76,7 @@ class JointTeller:
         """Return angles, slide and torques; the slide has no effort of its own. Good until the next call."""
         set_stamp(self._message.header, snapshot.stamp)
         self._message.position = array.array("d", snapshot.joints[: len(self._message.name)].tolist())
-        self._message.effort = array.array("d", [*snapshot.torques.tolist(), 0.0])
+        self._message.effort = array.array("d", [*snapshot.efforts.tolist(), 0.0])
         return self._message
 
 
@@ -96,7 +96,7 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
     soft = c.stability_margin
     return Compliance(
         header=header(snapshot.stamp), joint_names=list(servo_names(len(c.angles))), angles=flat(c.angles),
-        torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
+        efforts=flat(c.efforts), effector=pose_message(Pose(c.position, c.quaternion)),
         equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide,
         stability_margin=soft.value if soft else 1.0, stability_margin_slope=flat(soft.slope) if soft else [],
         effector_mesh_error=known(mesh_error(snapshot.report)),

@@ -101,7 +101,7 @@ class SimNode(Node):
             names.SIM_JOINT_STATES,
             *([names.JOINT_STATES] if values["joint_states"] else []),
         )
-        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.torques))
+        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.efforts))
         self._join_graph(simulation)
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(

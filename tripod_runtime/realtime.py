@@ -51,7 +51,7 @@ class Snapshot:
         step, time: Completed steps and simulated time [s] since the last reset.
         positions: [m], shape (n, 3).
         joints: Angles [rad] and slide [m], shape (s + 1,).
-        torques: [N m], shape (s,).
+        efforts: [N m], shape (s,).
         effector: Pose, or None.
         compliance: If it was due at this step.
         report: Of this step.
@@ -66,7 +66,7 @@ class Snapshot:
     time: float
     positions: FloatArray
     joints: FloatArray
-    torques: FloatArray
+    efforts: FloatArray
     effector: Pose | None
     compliance: Compliance | None
     report: StepReport
@@ -285,7 +285,7 @@ class RealTime(threading.Thread):
             self._energies, self._energies_due = simulation.energies(), now + ENERGY_PERIOD
         return Snapshot(
             self._stamp(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
-            simulation.torques.copy(), simulation.effector, answer, simulation.report, self._energies,
+            simulation.efforts.copy(), simulation.effector, answer, simulation.report, self._energies,
             simulation.ball, simulation.ball_event, simulation.left_out if self.want_compliance else (),
         )  # fmt: skip
 

@@ -123,7 +123,7 @@ class Resimulation:
                 self._look(0)
             if data:  # also at the start: somebody may have changed the state there
                 saved = read_checkpoint(data, simulation)
-                simulation.restore((saved.state, saved.torques))
+                simulation.restore((saved.state, saved.efforts))
             elif first != 1 and here != before:
                 self.outcome.lost += last - first + 1
                 self._leave()

@@ -44,7 +44,7 @@ class Compliance:
             force [N] or torque [N m]; symmetric.
         angles: Of the servos [rad], shape (s,).
         slide: [m].
-        torques: Static torque that each servo exerts on the body [N m], shape (s,).
+        efforts: Static torque that each servo exerts on the body [N m], shape (s,).
         position: Of the effector [m], shape (3,).
         quaternion: Of the effector (x, y, z, w), shape (4,).
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
@@ -55,7 +55,7 @@ class Compliance:
     w: FloatArray
     angles: FloatArray
     slide: float
-    torques: FloatArray
+    efforts: FloatArray
     position: FloatArray
     quaternion: FloatArray
     equilibrium_offset: FloatArray

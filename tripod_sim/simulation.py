@@ -105,7 +105,7 @@ class Simulation:
         state: Positions, velocities, joints, time, which each step overwrites; read it, change it only through the
             methods.
         report: What the last step took.
-        torques: dV/dq of each actuator, shape (a,): the torque that a servo exerts on the body, about its axis towards
+        efforts: dV/dq of each actuator, shape (a,): the torque that a servo exerts on the body, about its axis towards
             growing angle [N m]; of others see `forces.actuator`. Each step makes a new array.
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
         notes: What users should know of the scene.
@@ -160,7 +160,7 @@ class Simulation:
             for of, begin in zip(self.state.rigid, parts.rigid.start, strict=True):
                 of[:] = begin
         self._begin_errors(parts)
-        self.torques = np.zeros(count)
+        self.efforts = np.zeros(count)
         self._held_by = np.full(
             self.state.positions.shape if scene.marker else (0, 3), np.nan
         )  # see `reactions`
@@ -189,7 +189,7 @@ class Simulation:
         self._rest = self._state_of_rest()
         self._mesh_error = self._begin_mesh_error(parts)
         self._start, self._start_held_by = self.state.copy(), self._held_by.copy()
-        self._start_torques = self.torques.copy()
+        self._start_torques = self.efforts.copy()
         self._prepare()
 
     @contextmanager
@@ -292,7 +292,7 @@ class Simulation:
         keep = self.state.copy()
         try:
             self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
-            if len(self.torques) or self._prescribed:
+            if len(self.efforts) or self._prescribed:
                 turned = self._goal(self.command + self._small_turn(), REHEARSED * self.scene.dt)
                 self._stepper.step(self.state, turned, self.scene.dt)
         except StepError:
@@ -326,7 +326,7 @@ class Simulation:
                 goal[k - 1] += turn
             parts.stepper.forget()
             parts.stepper.step(state, goal, dt)
-            torques[k] = parts.system.torques
+            torques[k] = parts.system.efforts
         parts.stepper.forget()
         return np.asarray(np.abs(torques[1:] - torques[0]).sum(axis=1) / turn)
 
@@ -335,7 +335,7 @@ class Simulation:
         self._held_by.fill(np.nan)
         self._static.stepper.step(self.state, joints, 0.0)
         self._keep_forces(self._static.system)
-        self.torques = self._static.system.efforts.copy()
+        self.efforts = self._static.system.efforts.copy()
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
@@ -360,7 +360,7 @@ class Simulation:
                 until = self.state.time + self.scene.dt
                 self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
                 self._keep_forces(self._system)
-                self.torques = self._system.efforts.copy()
+                self.efforts = self._system.efforts.copy()
         except StepError:
             with self._explained():
                 raise
@@ -421,13 +421,13 @@ class Simulation:
         """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
         servos.copy_to(self._next)
         s, dt = self._servo_count, self.scene.dt
-        angles, torques = self.state.joints[:s], self.torques[:s]
+        angles, torques = self.state.joints[:s], self.efforts[:s]
         goal[:s] = motion.advance(self._next, angles, goal[:s], torques, dt)
         report = self._stepper.step(self.state, self._goal(goal, self.state.time + dt), dt)
         self._next.copy_to(servos)
         self._keep_forces(self._system)
-        self.torques = self._system.efforts.copy()
-        report.stalled = motion.stalled(servos, self.state.joints[:s], self.torques[:s])
+        self.efforts = self._system.efforts.copy()
+        report.stalled = motion.stalled(servos, self.state.joints[:s], self.efforts[:s])
         self.report = report
 
     def _goal(self, joints: FloatArray, time: float) -> FloatArray:
@@ -440,7 +440,7 @@ class Simulation:
 
     def _small_turn(self) -> FloatArray:
         """Return a small change of what is commanded, shape (a + 1,)."""
-        turn = np.append(np.full(len(self.torques), 1e-4), 0.0)
+        turn = np.append(np.full(len(self.efforts), 1e-4), 0.0)
         if self.joints:
             others = slice(self._servo_count, -1)
             turn[others] *= (self.joints.high - self.joints.low)[self._servo_count :]
@@ -448,7 +448,7 @@ class Simulation:
 
     def _shaped(self, joints: FloatArray) -> FloatArray:
         """Return a copy of angles and slide. Raises SceneError: another shape, or not finite."""
-        return joint_values(joints, len(self.torques) + 1)
+        return joint_values(joints, len(self.efforts) + 1)
 
     def _checked(self, joints: FloatArray) -> FloatArray:
         """Return a copy of angles and slide that the scene allows. Raises SceneError."""
@@ -470,7 +470,7 @@ class Simulation:
         self._start.copy_to(self.state)
         self._forget_rest()
         self._prepare()
-        self.torques = self._start_torques.copy()
+        self.efforts = self._start_torques.copy()
         self._held_by[:] = self._start_held_by
         self.report = StepReport()
         if self._mesh_error:
@@ -518,23 +518,23 @@ class Simulation:
         self.reset()
 
     def save(self) -> tuple[State, FloatArray]:
-        """Return a copy of state and torques, for `restore`."""
-        return self.state.copy(), self.torques.copy()
+        """Return a copy of state and efforts, for `restore`."""
+        return self.state.copy(), self.efforts.copy()
 
     def restore(self, saved: tuple[State, FloatArray]) -> None:
         """Return to what `save` gave, without moving there: the next step depends on that state alone.
 
         Raises SceneError: it is the state of another scene.
         """
-        state, torques = saved
+        state, efforts = saved
         self._check_fits(state)
-        if np.shape(torques) != self.torques.shape:
+        if np.shape(efforts) != self.efforts.shape:
             raise SceneError(
-                f"the state is of another scene: it has torques of shape {np.shape(torques)}, here "
-                f"{self.torques.shape}; take a state of this scene"
+                f"the state is of another scene: it has efforts of shape {np.shape(efforts)}, here "
+                f"{self.efforts.shape}; take a state of this scene"
             )
         state.copy_to(self.state)
-        self.torques = np.array(torques, dtype=float)
+        self.efforts = np.array(efforts, dtype=float)
         self._held_by.fill(np.nan)
         self._load_ball()
         self._forget_rest()
@@ -568,14 +568,14 @@ class Simulation:
     @property
     def command(self) -> FloatArray:
         """What was asked last: angles [rad] and slide [m], shape (s + 1,), a copy; the joints if servos are ideal."""
-        joints = self.state.joints[: len(self.torques) + 1].copy()
+        joints = self.state.joints[: len(self.efforts) + 1].copy()
         if self.state.servos:
             joints[: self._servo_count] = self.state.servos.command
         return joints
 
     def joint_work(self) -> tuple[FloatArray, FloatArray]:
         """Return `State.joints` with the positions of actuators (see `Joints.moved`), and their efforts, shape (a,)."""
-        joints, efforts = self.state.joints.copy(), self.torques
+        joints, efforts = self.state.joints.copy(), self.efforts
         if self.joints and self.joints.others:
             a = len(efforts)
             joints[:a], efforts = self.joints.moved(joints[:a], efforts)

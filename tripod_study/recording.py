@@ -85,7 +85,7 @@ class Recording:
             "slide": (),
             "torques": (servos,),
         }
-        if others := len(simulation.torques) - servos:
+        if others := len(simulation.efforts) - servos:
             shapes |= {"actuator_positions": (others,), "actuator_efforts": (others,)}
         if own_skin:
             shapes["vertices"] = (len(simulation.skin.nodes), 3)
@@ -125,9 +125,9 @@ class Recording:
         a["time"][k] = state.time
         positions = a["positions"][k] = simulation.positions
         a["energies"][k] = energies.kinetic, energies.strain, energies.gravity
-        servos, count = len(simulation.driven_frames), len(simulation.torques)
+        servos, count = len(simulation.driven_frames), len(simulation.efforts)
         a["angles"][k], a["slide"][k] = state.joints[:servos], state.joints[count]
-        a["torques"][k] = simulation.torques[:servos]
+        a["torques"][k] = simulation.efforts[:servos]
         if count > servos:
             joints, efforts = simulation.joint_work()
             a["actuator_positions"][k], a["actuator_efforts"][k] = joints[servos:count], efforts[servos:]

@@ -109,7 +109,7 @@ def run(
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     errors = LargestErrors()
     least = LeastStabilityMargin(simulation, steps)
-    stalled_steps, unstable, lowered = [0] * len(simulation.torques), array("d"), 0.0
+    stalled_steps, unstable, lowered = [0] * len(simulation.efforts), array("d"), 0.0
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
@@ -152,8 +152,8 @@ def run(
         if pose
         else None,
         "angles": simulation.state.joints[:servos].tolist(),
-        "slide": float(simulation.state.joints[len(simulation.torques)]),
-        "torques": simulation.torques[:servos].tolist(),
+        "slide": float(simulation.state.joints[len(simulation.efforts)]),
+        "torques": simulation.efforts[:servos].tolist(),
         **_actuators(simulation),
         "energies": asdict(simulation.energies()),
         "time": simulation.state.time,
@@ -193,7 +193,7 @@ def _actuators(simulation: Simulation) -> dict[str, Any]:
     """Return what actuators that are no servos do at the end: position and effort, with their units."""
     if not (simulation.joints and simulation.joints.others):
         return {}
-    positions, efforts = simulation.joints.moved(simulation.command[:-1], simulation.torques)
+    positions, efforts = simulation.joints.moved(simulation.command[:-1], simulation.efforts)
     rows = zip(simulation.joints.actuators, positions.tolist(), efforts.tolist(), strict=True)
     servos = len(simulation.driven_frames)
     found = [

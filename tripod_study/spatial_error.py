@@ -34,10 +34,10 @@ class SpatialError:
         largest: Largest distance of a node from where it should be [m].
         node: That node.
         strain: Exact minus computed strain energy [J].
-        torques: Exact minus computed torques of the servos [N m], shape (s,).
+        efforts: Exact minus computed torques of the servos [N m], shape (s,).
         position: Computed position of the effector [m], shape (3,), or None.
         strain_computed: Computed strain energy [J].
-        torques_computed: Computed torques [N m], shape (s,).
+        efforts_computed: Computed torques [N m], shape (s,).
         unknowns: Of the mesh, and of that with every edge halved.
     """
 
@@ -45,10 +45,10 @@ class SpatialError:
     largest: float
     node: int
     strain: float
-    torques: FloatArray
+    efforts: FloatArray
     position: FloatArray | None
     strain_computed: float
-    torques_computed: FloatArray
+    efforts_computed: FloatArray
     unknowns: tuple[int, int]
 
 
@@ -98,10 +98,10 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         largest=float(distance[node]),
         node=node,
         strain=share * (energies[1] - energies[0]),
-        torques=share * (fine.torques - coarse.torques),
+        efforts=share * (fine.efforts - coarse.efforts),
         position=ends[0],
         strain_computed=energies[0],
-        torques_computed=coarse.torques.copy(),
+        efforts_computed=coarse.efforts.copy(),
         unknowns=(coarse.unknowns, fine.unknowns),
     )
 

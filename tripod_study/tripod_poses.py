@@ -36,7 +36,7 @@ def task(settings: Settings) -> Measured:
 
     def note(found: Simulation) -> None:
         observed["effector"].append(found.state.centres[0].tolist())
-        observed["torque"].append(found.torques.tolist())
+        observed["torque"].append(found.efforts.tolist())
         observed["energy"].append([found.energies().strain])
 
     def run() -> float:

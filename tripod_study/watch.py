@@ -170,7 +170,7 @@ def _effector(simulation: Simulation, words: str, settings: Settings) -> Look:
 
 def _torques(simulation: Simulation, words: str, settings: Settings) -> Look:
     """Watch the torques of the servos [N m]."""
-    return lambda: simulation.torques
+    return lambda: simulation.efforts
 
 
 def _ball(simulation: Simulation, words: str, settings: Settings) -> Look:

@@ -26,7 +26,7 @@ def cost(problem: IkProblem, torque: TorqueLimit | None, delta: FloatArray) -> f
     value += REGULARISATION / 2 * np.sum((state.angles + delta - problem.hold) ** 2, axis=-1)
     if torque is not None:
         k = np.linalg.norm(state.stiffness, axis=1)
-        after, (least, most) = state.torques + delta @ state.stiffness.T, torque_range(problem, torque)
+        after, (least, most) = state.efforts + delta @ state.stiffness.T, torque_range(problem, torque)
         beyond = np.maximum(np.maximum(after - most, least - after), 0.0)
         value += (
             torque.weight / 2 * np.sum(np.where(k > 1e-9, beyond / np.maximum(k, 1e-9), 0.0) ** 2, axis=-1)
@@ -38,7 +38,7 @@ def torque_range(problem: IkProblem, torque: TorqueLimit) -> tuple[FloatArray, F
     """Return the torques allowed [N m], cut where even the corner of the box that is nearest is far from them."""
     state = problem.state
     corners = np.array(list(product(*zip(problem.box.low, problem.box.high, strict=True)))) - state.angles
-    reached = state.torques + corners @ state.stiffness.T
+    reached = state.efforts + corners @ state.stiffness.T
     margin = REACH * np.linalg.norm(state.stiffness, axis=1)
     sides = [np.broadcast_to(sign * np.asarray(torque.maximum), margin.shape) for sign in (-1, 1)]
     least, most = (np.clip(s, reached.min(axis=0) - margin, reached.max(axis=0) + margin) for s in sides)
@@ -64,7 +64,7 @@ def best_step(problem: IkProblem, torque: TorqueLimit | None) -> FloatArray:
         for i, sign in enumerate(signs):
             if sign and k[i] > 1e-9:  # weight / 2 ((tau + K δ - side) / k)²
                 H2 += weight * np.outer(K[i], K[i]) / k[i] ** 2
-                g2 += weight * K[i] * (state.torques[i] - sides[sign > 0][i]) / k[i] ** 2
+                g2 += weight * K[i] * (state.efforts[i] - sides[sign > 0][i]) / k[i] ** 2
         for ends in product((-1, 0, 1), repeat=n):
             s = np.array(ends)
             delta = np.where(s < 0, low, np.where(s > 0, high, 0.0))

@@ -104,7 +104,7 @@ class FakeSim(Node):
         message = Compliance()
         message.header.frame_id = "world"
         message.joint_names = list(state.joint_names)
-        message.angles, message.torques = array("d", state.angles), array("d", state.torques)
+        message.angles, message.efforts = array("d", state.angles), array("d", state.efforts)
         p = message.effector.position
         p.x, p.y, p.z = (float(v) for v in state.effector)
         message.equilibrium_offset = state.equilibrium_offset

@@ -39,7 +39,7 @@ class Limits:
         n, p = len(state.angles), state.equilibrium
         low, high = np.broadcast_to(self.low, 3), np.broadcast_to(self.high, 3)
         most = np.full(n, self.torque)
-        torque, place = [most - state.torques, most + state.torques], [p - low, high - p]
+        torque, place = [most - state.efforts, most + state.efforts], [p - low, high - p]
         firm = [state.stability_margin - self.stability_margin]
         left = np.concatenate([*(row / 0.1 for row in torque), *(row / 0.01 for row in place), firm])
         K, J = state.stiffness / 0.1, state.jacobian[:3] / 0.01

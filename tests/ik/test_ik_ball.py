@@ -39,7 +39,7 @@ def turned(start, end):
 
 
 def pose(simulation):
-    return simulation.state.centres[0].copy(), simulation.state.rotations[0].copy(), simulation.torques.copy()
+    return simulation.state.centres[0].copy(), simulation.state.rotations[0].copy(), simulation.efforts.copy()
 
 
 def slope(ahead, behind, h):

@@ -27,7 +27,7 @@ def assert_slopes(model, pose, h):
         ahead, behind = model.move(pose + step), model.move(pose - step)
         slope = (ahead.equilibrium - behind.equilibrium) / (2 * h)
         spin = turned(behind.equilibrium_rotation, ahead.equilibrium_rotation) / (2 * h)
-        torques = (ahead.torques - behind.torques) / (2 * h)
+        torques = (ahead.efforts - behind.efforts) / (2 * h)
         assert np.abs(slope).max() > 1e-3
         assert state.jacobian[:3, servo] == pytest.approx(slope, abs=1e-3 * np.abs(slope).max())
         assert state.jacobian[3:, servo] == pytest.approx(spin, abs=1e-3 * np.abs(spin).max())

@@ -34,7 +34,7 @@ def passed(state, torque=np.inf):
     p = state.equilibrium
     return (
         np.maximum(p - BOX[1], BOX[0] - p).max(),
-        np.abs(state.torques).max() - torque,
+        np.abs(state.efforts).max() - torque,
     )
 
 

@@ -160,14 +160,14 @@ def test_tilts_are_reached_where_there_is_room_for_them(model):
 
 def test_torques_and_box_limit_the_pose(model):
     target = [PositionTask(model.state().equilibrium)]
-    assert np.abs(model.state().torques).min() > 0.14  # the most that the symmetric poses need
+    assert np.abs(model.state().efforts).min() > 0.14  # the most that the symmetric poses need
     model.move(np.full(3, -1.8))
     saved = model.save()
     for hard in (False, True):
         model.restore(saved)
         bound = InverseSolver(model, ANY, row_limits=[TorqueLimit(0.13, hard=hard)]).solve(target)
         assert bound.outcome is Outcome.CLOSEST
-        assert np.abs(bound.state.torques) == pytest.approx([0.13] * 3, abs=1e-7 if hard else 1e-3)
+        assert np.abs(bound.state.efforts) == pytest.approx([0.13] * 3, abs=1e-7 if hard else 1e-3)
         assert set(bound.active_limits) == {f"servo_{i} torque" for i in range(3)}
         assert bound.residual > 3e-3
     model.restore(saved)

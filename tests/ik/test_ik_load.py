@@ -155,7 +155,7 @@ def test_the_loaded_model_rests_where_a_heavier_robot_does_and_its_servos_bear_a
     observer = Told(mass * 9.81)
     before, real = plain.state(angles), heavy.state(angles)
     found = observer.loaded(before)
-    for name in ("equilibrium", "torques"):
+    for name in ("equilibrium", "efforts"):
         change = getattr(real, name) - getattr(before, name)
         assert getattr(found, name) - getattr(before, name) == pytest.approx(
             change, abs=0.03 * np.linalg.norm(change)

@@ -123,7 +123,7 @@ def test_box_and_hard_torque_limit_are_parameters(graph):
 
     def most():
         command = sim.states[-1].command
-        return np.abs(sim.robot.state(np.array(command)).torques).max() if command else 0.0
+        return np.abs(sim.robot.state(np.array(command)).efforts).max() if command else 0.0
 
     graph.wait(lambda: sum("torque" in name for name in sim.states[-1].active_limits) == 3)
     graph.wait(lambda: abs(most() - 0.018) < 1e-7)  # a soft one is passed by more

@@ -50,7 +50,7 @@ def test_a_row_is_what_the_model_has_at_its_angles(found):
         assert np.hypot(np.sin(row[6]), np.sin(row[7]) * np.cos(row[6])) == pytest.approx(
             np.sin(row[8]), abs=1e-6
         )
-        assert row[9:12] == pytest.approx(state.torques, abs=1e-6)
+        assert row[9:12] == pytest.approx(state.efforts, abs=1e-6)
         assert row[12] == pytest.approx(0.13 - np.abs(row[9:12]).max())
         assert row[13] == pytest.approx(np.linalg.svd(state.jacobian[:3])[1].min(), abs=1e-6)
 
@@ -137,7 +137,7 @@ def test_robots_of_other_numbers_of_servos_have_a_workspace(count, tried, sample
     row = result.table[int(np.abs(result.angles - model.home).sum(axis=1).argmin())]
     state = model.move(row[:count])
     assert row[count : count + 3] == pytest.approx(state.equilibrium, abs=1e-7)
-    assert row[count + 6 : -2] == pytest.approx(state.torques, abs=1e-6)
+    assert row[count + 6 : -2] == pytest.approx(state.efforts, abs=1e-6)
     assert row[-2] == pytest.approx(0.3 - np.abs(row[count + 6 : -2]).max())
     assert 0 < result.spacing < 0.02
     assert sum(layer.poses for layer in result.layers()) == len(result.bearable) > 0
@@ -178,7 +178,7 @@ def test_once_gives_angles_torques_and_what_is_missing():
     assert result["residuals"] == pytest.approx({"position [m]": 0.0}, abs=1e-7)
     assert result["kkt"] < 1e-6
     model = StaticModel(scene, 0.035, result["angles"])
-    assert result["torques"] == pytest.approx(model.state().torques.tolist(), abs=1e-6)
+    assert result["torques"] == pytest.approx(model.state().efforts.tolist(), abs=1e-6)
 
     tilted = solve_once(scene, [0, 0, 0.006], tilt=(0.2, -0.1), goal=Goal.ORIENTATION, slide=0.035)
     assert (tilted["roll"], tilted["pitch"]) == pytest.approx((0.2, -0.1), abs=1e-5)

@@ -41,7 +41,7 @@ def test_turned_and_mirrored_poses_are_images_with_all_that_is_known_of_them(mod
         for seen in (image.state(state), saved[1]):
             assert seen.effector == pytest.approx(other.effector, abs=1e-8)
             assert seen.equilibrium_rotation == pytest.approx(other.equilibrium_rotation, abs=1e-7)
-            assert seen.torques == pytest.approx(other.torques, abs=1e-7)
+            assert seen.efforts == pytest.approx(other.efforts, abs=1e-7)
             assert np.abs(seen.W - other.W).max() < 1e-4 * np.abs(other.W).max()
             assert seen.stability_margin_slope == pytest.approx(other.stability_margin_slope, abs=1e-3)
         model.restore(saved)

@@ -26,7 +26,7 @@ def towards(state, move):
     [
         (
             lambda s, hard: TorqueLimit(0.0175, hard=hard),
-            lambda s, d: np.abs(s.torques + s.stiffness @ d) - 0.0175,
+            lambda s, d: np.abs(s.efforts + s.stiffness @ d) - 0.0175,
         ),
         (
             lambda s, hard: EffectorBox(s.equilibrium - 0.002, s.equilibrium + 0.002, hard=hard),
@@ -51,7 +51,7 @@ def test_a_soft_limit_gives_a_little_and_a_hard_one_does_not(limit, value):
 def test_a_hard_limit_that_is_broken_already_is_never_broken_further_and_always_feasible():
     """A torque above its maximum, a box elsewhere, angles that may not move: what can be kept is kept."""
     state = state_at()
-    limit = TorqueLimit(0.8 * np.abs(state.torques).min(), hard=True)
+    limit = TorqueLimit(0.8 * np.abs(state.efforts).min(), hard=True)
     box = EffectorBox(state.equilibrium + 0.01, state.equilibrium + 0.02, hard=True)
     still = [SpeedLimit(1.0)]
     held = solve_ik(build_ik(state, towards(state, [0, 0, 0.01]), still, [limit, box], dt=0.0))
@@ -62,7 +62,7 @@ def test_a_hard_limit_that_is_broken_already_is_never_broken_further_and_always_
         assert moved.ok
         assert moved.kkt < 1e-9
     relieved = solve_ik(build_ik(state, towards(state, [0, 0, 0.01]), still, [limit], dt=0.01))
-    assert (np.abs(state.torques + relieved.d_tau) < np.abs(state.torques) - 1e-5).all()
+    assert (np.abs(state.efforts + relieved.d_tau) < np.abs(state.efforts) - 1e-5).all()
 
 
 def test_all_limits_at_once_are_kept_and_named():
@@ -75,7 +75,7 @@ def test_all_limits_at_once_are_kept_and_named():
             state.equilibrium - rng.uniform(1e-4, 5e-3, 3),
             state.equilibrium + rng.uniform(1e-4, 5e-3, 3),
         )
-        torque = np.abs(state.torques) + rng.uniform(0, 2e-3, 3)
+        torque = np.abs(state.efforts) + rng.uniform(0, 2e-3, 3)
         rows = [
             TorqueLimit(torque, hard=True),
             EffectorBox(low, high, hard=True),
@@ -88,7 +88,7 @@ def test_all_limits_at_once_are_kept_and_named():
         assert result.kkt < 1e-6
         step = result.command - state.angles
         there = state.jacobian[:3] @ step
-        assert (np.abs(state.torques + state.stiffness @ step) <= torque + 1e-9).all()
+        assert (np.abs(state.efforts + state.stiffness @ step) <= torque + 1e-9).all()
         assert (state.equilibrium + there <= high + 1e-9).all()
         assert (state.equilibrium + there >= low - 1e-9).all()
         assert (result.command >= -1.75).all()
@@ -104,7 +104,7 @@ def test_limits_that_contradict_each_other_leave_a_solution():
         state = state_at(rng.uniform(-1.8, -1.2, 3))
         corner = state.equilibrium + rng.uniform(-0.03, 0.03, 3)
         rows = [
-            TorqueLimit(rng.uniform(0.2, 1.2) * np.abs(state.torques) + 1e-4, hard=bool(rng.integers(2))),
+            TorqueLimit(rng.uniform(0.2, 1.2) * np.abs(state.efforts) + 1e-4, hard=bool(rng.integers(2))),
             EffectorBox(corner, corner + rng.uniform(1e-3, 0.02, 3), hard=bool(rng.integers(2))),
         ]
         task = towards(state, 0.03 * rng.standard_normal(3))

@@ -108,7 +108,7 @@ def test_a_servo_that_cannot_turn_has_no_torque_limit():
     W = state.W.copy()
     W[8], W[:, 8] = 0.0, 0.0
     W[8, 8] = 1e-14  # what rounding leaves
-    state = dataclasses.replace(state, W=W, torques=np.array([0.0, 0.0, 5.0]))
+    state = dataclasses.replace(state, W=W, efforts=np.array([0.0, 0.0, 5.0]))
     task = PositionTask(state.equilibrium + np.array([0.001, 0.0, 0.0]))
     result = solve_ik(build_ik(state, [task], LIMITS, [TorqueLimit(0.3)], dt=0.1))
     assert result.ok
@@ -142,8 +142,8 @@ def test_a_limit_is_named_as_soon_as_it_takes_something_away(torque):
     task = PositionTask(state.equilibrium + np.array([0.0, 0.0, 0.01]))  # all turn up, and all torques grow
     free = solve_ik(build_ik(state, [task]))
     assert (free.command > state.angles).all()
-    after = state.torques + free.d_tau
-    assert (after < state.torques).all() and (state.torques < 0).all()
+    after = state.efforts + free.d_tau
+    assert (after < state.efforts).all() and (state.efforts < 0).all()
     for cut, active in ((1e-2, True), (1e-5, True), (1e-10, False), (-1e-5, False)):
         ends = np.array([-cut, 1.0, 1.0])
         if torque:
@@ -165,7 +165,7 @@ def test_the_prediction_agrees_with_the_robot():
     result = solve_ik(build_ik(state, [task]))
     there = robot.state(result.command)
     assert np.linalg.norm(task.target - there.equilibrium) == pytest.approx(result.residual, abs=1e-6)
-    assert there.torques - state.torques == pytest.approx(result.d_tau, abs=2e-5)
+    assert there.efforts - state.efforts == pytest.approx(result.d_tau, abs=2e-5)
     assert np.abs(result.d_tau).max() > 1e-4
 
 
@@ -233,11 +233,11 @@ def test_a_torque_limit_below_the_present_torque_is_approached_not_refused():
     robot = SpringRobot(slide=0.035)
     angles = np.full(3, -1.1)
     state = robot.state(angles)
-    limit = TorqueLimit(0.8 * np.abs(state.torques).min())
+    limit = TorqueLimit(0.8 * np.abs(state.efforts).min())
     result = solve_ik(build_ik(state, [PositionTask(state.equilibrium)], [SpeedLimit(1.0)], [limit], dt=0.01))
     assert result.ok
-    after = np.abs(state.torques + result.d_tau)
-    assert (after < np.abs(state.torques) - 1e-5).all()
+    after = np.abs(state.efforts + result.d_tau)
+    assert (after < np.abs(state.efforts) - 1e-5).all()
     assert set(result.active_limits) >= {f"{name} torque" for name in SERVOS}
 
 

@@ -30,7 +30,7 @@ def test_jacobian_and_stiffness_are_the_slopes_of_equilibrium_and_torques(slide,
         assert np.abs(slope).max() > 1e-3
         assert state.jacobian[:3, i] == pytest.approx(slope, abs=1e-9)
         assert state.jacobian[3:, i] == pytest.approx(robot.C[:, i], abs=1e-9)
-        assert state.stiffness[:, i] == pytest.approx((ahead.torques - behind.torques) / (2 * h), abs=1e-8)
+        assert state.stiffness[:, i] == pytest.approx((ahead.efforts - behind.efforts) / (2 * h), abs=1e-8)
 
 
 def test_the_equilibrium_offset_leads_to_the_equilibrium():
@@ -91,7 +91,7 @@ def with_entry(name, index, value):
     ("changes", "named"),
     [
         (with_entry("angles", 1, np.nan), ("angles[1]", "nan", "finite")),
-        (with_entry("torques", 2, np.inf), ("torques[2]", "inf")),
+        (with_entry("efforts", 2, np.inf), ("efforts[2]", "inf")),
         (with_entry("effector", 0, -np.inf), ("effector[0]", "-inf")),
         (with_entry("equilibrium_offset", 5, np.nan), ("equilibrium_offset[5]", "nan")),
         (with_entry("W", (8, 3), np.nan), ("W[8, 3]", "nan")),
@@ -99,7 +99,7 @@ def with_entry(name, index, value):
         (with_entry("W", (8, 3), 1e3), ("W", "transpose", 1003.49, 1000)),
         ({"rotation": [0, 0, 0, 0]}, ("rotation", "length 0", "unit quaternion")),
         ({"angles": [0.0, 0.0]}, ("angles", "(2,)", "(3,)")),
-        ({"torques": "abc"}, ("torques", "numbers")),
+        ({"efforts": "abc"}, ("efforts", "numbers")),
         ({"W": np.eye(6)}, ("W", "(6, 6)", "(9, 9)")),
         ({"joint_names": ("a", "a", "b")}, ("joint names", "['a', 'a', 'b']", "each once")),
         ({"joint_names": ()}, ("joint names", "[]", "at least one")),

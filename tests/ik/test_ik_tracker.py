@@ -235,7 +235,7 @@ def test_torque_is_held_at_its_limit():
     torques = {}
     for name, one in (("free", free), ("bound", bound)):
         steps, errors = follow(robot, one, WORKING, 150)
-        torques[name] = np.abs(robot.state(steps[-1].result.command).torques)
+        torques[name] = np.abs(robot.state(steps[-1].result.command).efforts)
         if name == "free":
             assert errors[-1] < 1e-6
             assert steps[-1].result.active_limits == ()
@@ -270,7 +270,7 @@ def test_a_hard_torque_limit_is_kept_exactly_where_a_soft_one_is_passed_a_little
         one = Tracker(TrackerSettings(torque_max=0.018, hard=hard))
         one.target = robot.rest(WORKING) + np.array([0, 0, 0.03])
         steps, _ = follow(robot, one, WORKING, 200)
-        least[hard] = np.abs(robot.state(steps[-1].result.command).torques).max() - 0.018
+        least[hard] = np.abs(robot.state(steps[-1].result.command).efforts).max() - 0.018
     assert least[False] > 1e-7
     assert abs(least[True]) < 1e-9
 
@@ -307,13 +307,13 @@ def test_an_effector_found_outside_of_its_box_is_not_brought_in_and_once_inside_
 def test_a_torque_found_above_the_limit_may_not_grow_and_once_below_not_come_back():
     robot, one = SpringRobot(slide=0.035), Tracker(TrackerSettings(torque_max=0.018))
     angles = np.full(3, -1.3)
-    found, rest = np.abs(robot.state(angles).torques), robot.rest(angles)
+    found, rest = np.abs(robot.state(angles).efforts), robot.rest(angles)
     assert found.min() > 0.021
     for lift, expected in ((0.004, found), (-0.006, None), (0.004, np.full(3, 0.018))):
         one.target = rest + np.array([0.0, 0.0, lift])
         steps, _ = follow(robot, one, angles, 150)
         angles = steps[-1].result.command
-        torques = np.abs(robot.state(angles).torques)
+        torques = np.abs(robot.state(angles).efforts)
         if expected is None:
             assert torques.max() < 0.018
         else:

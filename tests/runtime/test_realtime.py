@@ -29,7 +29,7 @@ class FakeSimulation:
         self.during = during
         self.effector, self.report = None, StepReport()
         self.ball, self.ball_event, self.left_out = None, "", tuple[int, ...]()
-        self.torques = np.zeros(3)
+        self.efforts = np.zeros(3)
         self.state = SimpleNamespace(positions=np.zeros((3, 3)), joints=np.zeros(4), step=0, time=0.0)
         self.singular = False
         self.renewed = 0
@@ -377,7 +377,7 @@ def test_a_request_of_a_thread_that_does_not_run_is_not_met() -> None:
 def bits(snapshot: Snapshot) -> tuple[Any, ...]:
     """Return all of a snapshot that the physics determines."""
     pose = snapshot.effector
-    arrays = (snapshot.positions, snapshot.joints, snapshot.torques, pose.position, pose.quaternion)
+    arrays = (snapshot.positions, snapshot.joints, snapshot.efforts, pose.position, pose.quaternion)
     return (
         snapshot.step,
         snapshot.time,

@@ -88,7 +88,7 @@ def test_joint_states_name_servos_and_slide() -> None:
     assert_header(message.header)
     assert list(message.name) == ["servo_0", "servo_1", "servo_2", "slide"]
     assert message.position.tolist() == s.joints.tolist()
-    assert message.effort.tolist() == [*s.torques.tolist(), 0.0]
+    assert message.effort.tolist() == [*s.efforts.tolist(), 0.0]
     assert len(message.velocity) == 0
 
 
@@ -110,7 +110,7 @@ def test_compliance_has_one_row_for_each_name(servos: int) -> None:
     assert_header(message.header)
     assert tuple(message.joint_names) == SERVOS[:servos]
     assert message.angles.tolist() == c.angles.tolist()
-    assert message.torques.tolist() == c.torques.tolist()
+    assert message.efforts.tolist() == c.efforts.tolist()
     assert message.equilibrium_offset.tolist() == c.equilibrium_offset.tolist()
     assert pose_numbers(message.effector) == [*c.position, *c.quaternion]
     assert message.slide == 0.0123

@@ -142,6 +142,6 @@ def test_an_effector_without_servos_has_a_compliance_of_its_own(make) -> None:
     graph.listen(names.COMPLIANCE)
     compliance = graph.next(names.COMPLIANCE)
     assert list(compliance.joint_names) == []
-    assert len(compliance.angles) == len(compliance.torques) == 0
+    assert len(compliance.angles) == len(compliance.efforts) == 0
     assert len(compliance.w) == 36
     assert graph.next(names.EFFECTOR_POSE).header.frame_id == "world"

@@ -68,7 +68,7 @@ def test_at_rest_the_time_step_does_not_show(tmp_path: Path, kind: str) -> None:
 
 def test_a_cable_by_length_and_one_by_its_tension_hold_the_same_pose(tmp_path: Path) -> None:
     by_length = led(made(tmp_path, "cable", "solver.tolerance=1e-10"), 0.01)
-    tension = float(by_length.torques[0])
+    tension = float(by_length.efforts[0])
     assert 1.0 < tension < 10.0
     by_tension = led(made(tmp_path, "tension", "solver.tolerance=1e-10"), tension)
     assert by_tension.positions == pytest.approx(by_length.positions, abs=1e-9)
@@ -132,10 +132,10 @@ def test_compliance_tells_what_an_actuator_does_to_the_effector(word: str) -> No
 def test_a_slack_cable_has_no_tension_and_a_pushed_one_stays_slack(tmp_path: Path) -> None:
     simulation = made(tmp_path, "cable", "cable.0.slack=2mm")
     led(simulation, 0.0019)
-    assert simulation.torques[0] == 0.0
+    assert simulation.efforts[0] == 0.0
     assert np.abs(simulation.positions - simulation.mesh.nodes).max() < 1e-9
     led(simulation, 0.004)
-    assert simulation.torques[0] > 0.1
+    assert simulation.efforts[0] > 0.1
 
 
 def test_a_run_plays_the_script_of_the_scene_or_of_the_user(tmp_path: Path) -> None:

@@ -34,13 +34,13 @@ def test_a_stiff_bedding_is_the_ideal_clamp() -> None:
 
 
 def test_a_soft_bedding_yields() -> None:
-    torques = [at(POSE, f"clamp.stiffness={s}").torques[0] for s in (1e9, 1e10, 1e11)]
-    assert torques[0] > torques[1] > torques[2] > at(POSE).torques[0]  # all negative: the softer, the weaker
+    torques = [at(POSE, f"clamp.stiffness={s}").efforts[0] for s in (1e9, 1e10, 1e11)]
+    assert torques[0] > torques[1] > torques[2] > at(POSE).efforts[0]  # all negative: the softer, the weaker
 
 
 def test_torques_are_the_slope_of_the_energy() -> None:
     simulation, h = at(POSE, "clamp={}"), 1e-4
-    torques = simulation.torques.copy()
+    torques = simulation.efforts.copy()
     for servo in range(3):
         energies = []
         for sign in (1, -1):
@@ -109,8 +109,8 @@ def test_the_energy_of_the_bedding_is_the_integral_of_the_slip_squared(name: str
 @pytest.mark.parametrize("element", ["t4", "t10", "h8", "h8_mean", "h20", "h27"])
 def test_every_element_can_be_bedded(element: str) -> None:
     bedded = at(np.array([-0.3, -0.3, -0.3, 0.0]), "clamp={}", f"mesh.element={element}")
-    assert bedded.torques.max() < -0.05
-    assert np.ptp(bedded.torques) < 0.02  # alike but for the cut of tetrahedra
+    assert bedded.efforts.max() < -0.05
+    assert np.ptp(bedded.efforts) < 0.02  # alike but for the cut of tetrahedra
 
 
 def test_a_clamp_without_servos_is_refused() -> None:

@@ -54,7 +54,7 @@ def test_servo_rows_predict_effector_and_torques(simulation: Simulation) -> None
                 (
                     simulation.state.centres[0].copy(),
                     simulation.state.rotations[0].copy(),
-                    simulation.torques.copy(),
+                    simulation.efforts.copy(),
                 )
             )
         moved = (ends[0][0] - ends[1][0]) / (2 * h)

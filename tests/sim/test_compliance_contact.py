@@ -93,7 +93,7 @@ Pose = tuple[FLOATS, FLOATS, FLOATS]
 
 
 def pose(simulation: Simulation) -> Pose:
-    return simulation.state.centres[0].copy(), simulation.state.rotations[0].copy(), simulation.torques.copy()
+    return simulation.state.centres[0].copy(), simulation.state.rotations[0].copy(), simulation.efforts.copy()
 
 
 def slope(ahead: Pose, behind: Pose, h: float) -> FLOATS:
@@ -153,7 +153,7 @@ def test_what_presses_is_in_balance_and_in_the_torques(standing: tuple[Simulatio
     np.testing.assert_array_equal(c.w, c.w.T)
     assert np.abs(c.equilibrium_offset).max() < 1e-8
     assert np.abs(without.equilibrium_offset).max() > 1e-4
-    assert c.torques == pytest.approx(simulation.torques, abs=1e-8)
+    assert c.efforts == pytest.approx(simulation.efforts, abs=1e-8)
 
 
 def on_nodes(system: System, at: FLOATS, vectors: FLOATS, give: FLOATS) -> Rest:
@@ -235,7 +235,7 @@ def test_a_post_that_is_not_touched_changes_no_bit(height: str, near: bool) -> N
     assert (simulation.report.contact.contacts > 0) == near
     assert simulation.report.contact.pressed == 0
     c, without = simulation.compliance(), bare(simulation)
-    for name in ("w", "torques", "equilibrium_offset"):
+    for name in ("w", "efforts", "equilibrium_offset"):
         assert getattr(c, name).tobytes() == getattr(without, name).tobytes()
 
 

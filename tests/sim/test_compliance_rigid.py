@@ -155,7 +155,7 @@ def test_with_the_plank_all_is_in_balance(lying: Simulation) -> None:
     assert np.abs(c.equilibrium_offset).max() < 1e-7
     assert np.abs(without.equilibrium_offset).max() > 1e-4
     np.testing.assert_array_equal(c.w, c.w.T)
-    assert c.torques == pytest.approx(simulation.torques, abs=1e-8)
+    assert c.efforts == pytest.approx(simulation.efforts, abs=1e-8)
 
 
 def held(rows: FLOATS, stiffness: FLOATS | None = None) -> Holding:

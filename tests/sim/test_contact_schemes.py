@@ -200,7 +200,7 @@ def test_where_nothing_touches_the_motion_is_that_of_the_scheme_without_contact(
     assert moved > 1e-3
     np.testing.assert_allclose(touching.positions, bare.positions, atol=1e-7 * moved)
     np.testing.assert_allclose(
-        touching.torques, bare.torques, atol=1e-6 * np.abs(bare.torques).max(initial=1.0)
+        touching.efforts, bare.efforts, atol=1e-6 * np.abs(bare.efforts).max(initial=1.0)
     )
 
 

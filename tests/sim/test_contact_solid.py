@@ -157,7 +157,7 @@ def test_where_nothing_touches_the_motion_is_that_without_contact(scene: str, wo
     assert moved > 1e-3
     np.testing.assert_allclose(touching.positions, bare.positions, atol=1e-7 * moved)
     np.testing.assert_allclose(
-        touching.torques, bare.torques, atol=1e-6 * np.abs(bare.torques).max(initial=1.0)
+        touching.efforts, bare.efforts, atol=1e-6 * np.abs(bare.efforts).max(initial=1.0)
     )
 
 
@@ -235,11 +235,11 @@ def test_a_post_stops_the_sinking_tripod_and_the_servos_feel_it() -> None:
             assert report.contact.smallest_gap > -1e-6
         energies = held.energies()
         assert energies.kinetic < 1e-9
-        return energies.strain + energies.gravity, float(held.torques.sum())
+        return energies.strain + energies.gravity, float(held.efforts.sum())
 
     (low, first), (high, second) = settle(0.03), settle(0.036)
     assert (high - low) / 0.006 == pytest.approx((first + second) / 2, rel=0.01)
-    assert first > 2 * bare.torques.sum() > 0.01  # the strips are bent over the post
+    assert first > 2 * bare.efforts.sum() > 0.01  # the strips are bent over the post
     assert bare.effector
     assert held.effector
     assert bare.effector.position[2] < -0.005
@@ -295,7 +295,7 @@ def test_a_box_on_a_driven_strip_is_taken_along_and_its_servo_carries_it() -> No
     lever = box.position - frame.point - simulation.state.joints[-1] * frame.inward
     lift = 0.001 * G * np.cross(frame.axis, lever)[2]
     assert abs(lift) > 3e-5
-    np.testing.assert_allclose(simulation.torques - bare.torques, [lift, 0, 0], atol=0.02 * abs(lift))
+    np.testing.assert_allclose(simulation.efforts - bare.efforts, [lift, 0, 0], atol=0.02 * abs(lift))
 
 
 def test_held_nodes_may_be_where_an_obstacle_is() -> None:

@@ -39,7 +39,7 @@ def test_the_servos_that_press_the_tripod_on_a_post_do_the_work_that_bends_it(re
         assert report.residual < 1e-7
         assert not simulation.state.velocities.any()
         energies = simulation.energies()
-        found.append((energies.strain + energies.gravity, float(simulation.torques.sum())))
+        found.append((energies.strain + energies.gravity, float(simulation.efforts.sum())))
     (low, first), (high, second) = found
     slack = 0.01 if response == "lagrange" else 0.05  # springs of penalty take a part of the work
     assert (high - low) / 0.006 == pytest.approx((first + second) / 2, rel=slack)
@@ -67,7 +67,7 @@ def test_the_motion_of_every_scheme_comes_to_rest_in_the_equilibrium(scheme: str
     assert not report.contact.restarted
     assert report.contact.pressed
     np.testing.assert_allclose(moving.positions, still.positions, atol=1e-6)
-    np.testing.assert_allclose(moving.torques, still.torques, rtol=1e-3)
+    np.testing.assert_allclose(moving.efforts, still.efforts, rtol=1e-3)
 
 
 def test_without_friction_the_way_is_forgotten_and_with_it_it_is_not() -> None:
@@ -146,7 +146,7 @@ def test_where_nothing_touches_the_equilibrium_is_that_without_contact() -> None
         for simulation in (bare, among):
             simulation.step(np.array(goal))
         np.testing.assert_allclose(among.positions, bare.positions, atol=1e-8)
-        np.testing.assert_allclose(among.torques, bare.torques, atol=1e-6)
+        np.testing.assert_allclose(among.efforts, bare.efforts, atol=1e-6)
 
 
 def test_what_finds_no_equilibrium_ends_with_the_state_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,7 +89,7 @@ def test_what_a_program_keeps_of_a_step_stays_as_it_was() -> None:
         pose, c = simulation.effector, simulation.compliance()
         assert pose
         return [
-            simulation.torques, simulation.command, pose.position, pose.quaternion, c.w, c.torques, c.angles,
+            simulation.efforts, simulation.command, pose.position, pose.quaternion, c.w, c.efforts, c.angles,
             c.position, c.equilibrium_offset,
         ]  # fmt: skip
 

@@ -46,7 +46,7 @@ def test_the_estimate_is_the_true_error_and_leaves_the_motion_alone(
 ) -> None:
     simulation, plain = moved(made(scene, *words, "time_error={}"), end), moved(made(scene, *words), end)
     np.testing.assert_array_equal(simulation.positions, plain.positions)
-    np.testing.assert_array_equal(simulation.torques, plain.torques)
+    np.testing.assert_array_equal(simulation.efforts, plain.efforts)
     true = np.linalg.norm(moved(made(scene, *words, fine), end).positions - plain.positions, axis=1)
     report = simulation.report.time_error
     assert report

@@ -172,7 +172,7 @@ for name, text in {counts!r}.items():
 watch = Stopwatch("other")
 time_stages(simulation, watch)
 for k in range(10):
-    simulation.step(simulation.command - np.append(np.full(len(simulation.torques), 0.01), 0.0))
+    simulation.step(simulation.command - np.append(np.full(len(simulation.efforts), 0.01), 0.0))
 stages = [name for name, calls in zip(watch.stages, watch.calls) if calls]
 print(json.dumps(dict(loaded=loaded, arrays=arrays, objects=objects, counts=counts, stages=stages)))
 """

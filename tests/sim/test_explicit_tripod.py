@@ -198,7 +198,7 @@ def test_driven_nodes_have_position_and_velocity_of_the_joints(scheme: str) -> N
 @pytest.mark.parametrize("words", [[], ["clamp={}"], ["maze={}"], ["servo_dynamics={}"]])
 def test_a_body_in_equilibrium_stays_at_rest_under_the_static_torque(words: list[str]) -> None:
     words = [*SMALL, *POSE, *words, "dt=2e-4"]
-    static = Simulation(load_scene(SHARP, [*words, "inertia=off", "damping=off"])).torques
+    static = Simulation(load_scene(SHARP, [*words, "inertia=off", "damping=off"])).efforts
     moving = [*words, "inertia.scheme=semi_implicit_euler", "damping={mass=1.0, stiffness=1e-6}"]
     simulation = Simulation(load_scene(SHARP, moving))
     start = simulation.positions.copy()
@@ -206,7 +206,7 @@ def test_a_body_in_equilibrium_stays_at_rest_under_the_static_torque(words: list
         report = simulation.step()
     assert np.abs(static).min() > 1e-3
     assert np.abs(simulation.positions - start).max() < 1e-9
-    np.testing.assert_allclose(simulation.torques, static, atol=1e-6)
+    np.testing.assert_allclose(simulation.efforts, static, atol=1e-6)
     assert report.growth == 0.0
 
 
@@ -224,9 +224,9 @@ def test_torques_of_accelerated_servos_are_those_of_the_implicit_scheme(
         for k in range(steps):
             joints = np.array([-0.3, -0.4, -0.5, 0.01]) + 0.5 * accelerations * ((k + 1) * dt) ** 2
             simulation.step(joints)
-        return simulation.torques
+        return simulation.efforts
 
-    static = Simulation(load_scene(SHARP, [*base, "inertia=off", "damping=off"])).torques
+    static = Simulation(load_scene(SHARP, [*base, "inertia=off", "damping=off"])).efforts
     size = np.abs(torques(scheme, 20) - static)
     assert (size > 0.2).all()
     errors = [np.abs(torques(scheme, n) - torques("implicit_euler", n)) for n in (20, 40)]
@@ -344,7 +344,7 @@ def test_reset_returns_the_same_bits() -> None:
         simulation.reset()
         for _ in range(4):
             simulation.step(np.array([-0.5, -0.5, -0.5, 0.01]))
-        ends.append(simulation.state.positions.tobytes() + simulation.torques.tobytes())
+        ends.append(simulation.state.positions.tobytes() + simulation.efforts.tobytes())
     assert ends[0] == ends[1]
 
 

@@ -124,7 +124,7 @@ def test_modes_are_those_of_the_body_within_their_span_and_a_coarse_mesh_is_too_
 
     def yielding(force: np.ndarray) -> np.ndarray:
         reduced, moved = np.zeros(system.unknowns), np.zeros_like(force)
-        system.reduction.gradient(force.copy(), reduced, np.zeros_like(system.torques))
+        system.reduction.gradient(force.copy(), reduced, np.zeros_like(system.efforts))
         system.reduction.moves(system.linear.solve(reduced), system.lever, moved)
         return moved
 

@@ -103,7 +103,7 @@ def test_what_is_taken_for_solved_is_what_an_evaluation_finds() -> None:
     for k in range(40):
         simulation.step(swing(0.005 * (k + 1)))
     assert system.knows(state)
-    told = system._forces.copy(), system._elastic_energy, simulation.torques.copy()
+    told = system._forces.copy(), system._elastic_energy, simulation.efforts.copy()
     evaluated = system._last[0].copy()
     system.forget()
     system.elastic.balance_modes()
@@ -114,7 +114,7 @@ def test_what_is_taken_for_solved_is_what_an_evaluation_finds() -> None:
     assert size > 0.05
     assert np.abs(told[0] - system._forces).max() < 1e-2 * size
     assert told[1] == pytest.approx(system._elastic_energy, rel=1e-5)
-    np.testing.assert_allclose(told[2], system.torques, atol=2e-3 * np.abs(system.torques).max())
+    np.testing.assert_allclose(told[2], system.efforts, atol=2e-3 * np.abs(system.efforts).max())
 
 
 @pytest.mark.parametrize("scheme", IMPLICIT)

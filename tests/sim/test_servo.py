@@ -106,7 +106,7 @@ def follow(simulation: Simulation, goal: list[float], seconds: float) -> tuple[n
     for k in range(round(seconds / dt)):
         simulation.step(np.array([*goal[:3], goal[3] * min(1.0, (k + 1) * dt / 0.3)]))
         angles.append(simulation.state.joints[:-1].copy())
-        torques.append(simulation.torques.copy())
+        torques.append(simulation.efforts.copy())
     return np.array(angles), np.array(torques)
 
 
@@ -195,7 +195,7 @@ def motion(simulation: Simulation, steps: int = 25) -> bytes:
     found = b""
     for k in range(steps):
         simulation.step(np.array([-0.02 * k, 0.01 * k, -0.015 * k, 0.0002 * k]))
-        found += simulation.state.positions.tobytes() + simulation.torques.tobytes()
+        found += simulation.state.positions.tobytes() + simulation.efforts.tobytes()
     return found
 
 

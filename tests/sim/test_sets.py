@@ -473,7 +473,7 @@ def test_servo_tables_stand_for_the_short_form() -> None:
             simulation.step(np.array([-0.02, -0.01, 0.005, 0.0005]) * (k + 1))
         ends.append(simulation)
     np.testing.assert_allclose(ends[1].positions, ends[0].positions, atol=1e-12)
-    np.testing.assert_allclose(ends[1].torques, ends[0].torques, rtol=1e-8)
+    np.testing.assert_allclose(ends[1].efforts, ends[0].efforts, rtol=1e-8)
 
 
 def test_two_servos_bend_a_bar_by_equal_and_opposite_torques(block: str) -> None:
@@ -491,10 +491,10 @@ def test_two_servos_bend_a_bar_by_equal_and_opposite_torques(block: str) -> None
         np.array([turn, -turn, 0.1 * turn**2 / 6])
     )  # the chord of the arc is shorter than the bar
     expected = 1e5 * 0.01**4 / 12 * 2 * turn / 0.1
-    np.testing.assert_allclose(simulation.torques, [expected, -expected], rtol=2e-3)
-    before = simulation.torques.copy()
+    np.testing.assert_allclose(simulation.efforts, [expected, -expected], rtol=2e-3)
+    before = simulation.efforts.copy()
     simulation.step(np.array([turn, -turn, 1e-4]))
     assert simulation.state.positions[simulation._parts.watched[0], 0].mean() == pytest.approx(
         0.1 - 1e-4, abs=1e-12
     )
-    assert np.abs(simulation.torques - before).max() > 0
+    assert np.abs(simulation.efforts - before).max() > 0

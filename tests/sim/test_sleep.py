@@ -147,13 +147,13 @@ def test_what_swings_is_asleep_only_after_it_has_stopped() -> None:
 def test_a_solid_sleeps_too_and_wakes_with_its_servos() -> None:
     simulation = Simulation(load_scene(SHARP, ["mesh.level=1", "sleep={}"]))
     until_asleep(simulation, 200)
-    torques = simulation.torques.copy()
+    torques = simulation.efforts.copy()
     simulation.step()
-    np.testing.assert_array_equal(simulation.torques, torques)
+    np.testing.assert_array_equal(simulation.efforts, torques)
     joints = simulation.state.joints.copy()
     joints[0] -= 0.05
     assert not simulation.step(joints).asleep
-    assert np.abs(simulation.torques - torques).max() > 1e-4
+    assert np.abs(simulation.efforts - torques).max() > 1e-4
     until_asleep(simulation, 400)
 
 

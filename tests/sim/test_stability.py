@@ -220,7 +220,7 @@ def test_torques_of_another_scene_are_refused_before_the_state_changes() -> None
     start = simulation.save()[0]
     simulation.step(simulation.command - np.array([0.1, 0.0, 0.0, 0.0]))
     before = simulation.state.positions.copy()
-    with raises_naming(SceneError, "another scene", "torques", "(1,)", "(3,)"):
+    with raises_naming(SceneError, "another scene", "efforts", "(1,)", "(3,)"):
         simulation.restore((start, np.zeros(1)))
     np.testing.assert_array_equal(simulation.state.positions, before)
 

@@ -96,7 +96,7 @@ def test_a_rigid_motion_costs_nothing_and_rotates_the_forces(law: str) -> None:
 def test_residual_and_torques_are_the_potential_gradient(law: str) -> None:
     (system, state), rng = bent(law), np.random.default_rng(3)
     system.evaluate(state)
-    residual, torques = system.residual.copy(), system.torques.copy()
+    residual, torques = system.residual.copy(), system.efforts.copy()
     d, turn, h = rng.standard_normal(len(residual)), rng.standard_normal(3), 1e-6
     d[-3:] *= 100  # the disc turns as far as its neighbours move
     energies = []
@@ -126,7 +126,7 @@ def test_reduced_hessian_is_the_derivative_of_the_residual(law: str) -> None:
     for sign in (1, -1):
         moved = along(system, state, sign * h * d, sign * h * turn)
         system.evaluate(moved)
-        found.append((system.residual.copy(), system.torques.copy()))
+        found.append((system.residual.copy(), system.efforts.copy()))
     residual = (found[0][0] - found[1][0]) / (2 * h)
     torques = (found[0][1] - found[1][1]) / (2 * h)
     product = K @ d + drive @ turn

@@ -82,7 +82,7 @@ def test_the_estimate_leaves_no_trace_in_the_motion(scheme: str, mode: str) -> N
         simulation = tripod(scheme, 0.005, f"solver.mode={mode}", *words)
         motion(simulation, 12)
         state = simulation.state
-        ends.append(state.positions.tobytes() + state.velocities.tobytes() + simulation.torques.tobytes())
+        ends.append(state.positions.tobytes() + state.velocities.tobytes() + simulation.efforts.tobytes())
     assert ends[0] == ends[1] == ends[2]
 
 

@@ -31,8 +31,8 @@ def test_each_of_two_tripods_moves_as_one_alone_does() -> None:
             there = alone[i].positions @ turn.T + place
             np.testing.assert_allclose(nodes[i], there, rtol=0, atol=1e-9)
             moved[i] = max(moved[i], np.abs(there - alone[i].mesh.nodes @ turn.T - place).max())
-            torques = both.torques[3 * i : 3 * i + 3]
-            np.testing.assert_allclose(torques, alone[i].torques, rtol=0, atol=1e-8)
+            torques = both.efforts[3 * i : 3 * i + 3]
+            np.testing.assert_allclose(torques, alone[i].efforts, rtol=0, atol=1e-8)
     assert (moved > 0.01).all()
     assert apart > 1e-3, "each has a motion of its own"
     assert both.effector.position == pytest.approx(alone[0].effector.position, abs=1e-9)

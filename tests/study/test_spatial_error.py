@@ -61,7 +61,7 @@ def test_the_estimate_is_within_a_factor_three_of_the_true_error(level: int) -> 
 def test_a_piece_without_effector_or_servos_has_one_too() -> None:
     found = spatial_error(load_scene("silicone", ["mesh.level=1"]))
     assert found.effector is None and found.position is None
-    assert found.torques.shape == (0,)
+    assert found.efforts.shape == (0,)
     assert 1e-6 < found.largest < 0.05
 
 

@@ -31,10 +31,10 @@ STUDIES = Path(str(tripod_study.__file__)).parent / "studies"
 def run(scene: str, steps: int, *overrides: str, joints: object = None) -> tuple[Simulation, EnergyBooks]:
     """Return a simulation after some steps, and its books; `joints`: a function of the time."""
     s = Simulation(load_scene(scene, overrides))
-    books = EnergyBooks(s.energies(), s.state.joints, s.torques)
+    books = EnergyBooks(s.energies(), s.state.joints, s.efforts)
     for k in range(steps):
         s.step(joints((k + 1) * s.scene.dt) if joints else None)
-        books.add(s.energies(), s.state.joints, s.torques, s.state.time)
+        books.add(s.energies(), s.state.joints, s.efforts, s.state.time)
     return s, books
 
 
@@ -131,17 +131,17 @@ def test_what_servos_that_jump_put_in_is_no_growth_but_what_comes_from_nothing_i
         "servos.angles=[-1.2, -1.2, -1.2]",
     ]
     s = Simulation(load_scene("tripod_ball", jerk))
-    books = EnergyBooks(s.energies(), s.state.joints, s.torques)
+    books = EnergyBooks(s.energies(), s.state.joints, s.efforts)
     for k in range(8):
         s.step(np.append(np.full(3, -1.2 + 0.2 * min(k, 4)), s.command[3:]))
-        books.add(s.energies(), s.state.joints, s.torques, s.state.time)
+        books.add(s.energies(), s.state.joints, s.efforts, s.state.time)
     balance = books.balance
     assert -balance.unsure < balance.lost < -0.01 * balance.moved
     assert not balance.grew
     line = dict(stability_lines(asdict(stability(s.report, 0, balance, s.scene.dt))))["energy balance"]
     assert_names(line, "servos", "torques jump", "mJ")
     later = replace(s.energies(), kinetic=s.energies().kinetic + 2 * balance.unsure)
-    books.add(later, s.state.joints, s.torques, s.state.time)
+    books.add(later, s.state.joints, s.efforts, s.state.time)
     assert books.balance.grew
 
 

@@ -53,7 +53,7 @@ def swing(simulation: Simulation, step: int) -> FloatArray | None:
     joints = simulation.joints
     if not joints:
         return None
-    count = len(simulation.torques)
+    count = len(simulation.efforts)
     phase = 2 * np.pi * (FREQUENCY * step * simulation.scene.dt + np.arange(count) / count)
     start, middle = joints.start[:-1], 0.5 * (joints.low + joints.high)
     move = 0.5 * SWING * (1 - np.cos(phase)) * np.where(start < middle, 1.0, -1.0)
