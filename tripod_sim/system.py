@@ -220,8 +220,9 @@ class System:
 
     def command(self, joints: FloatArray) -> None:
         """Give the terms that are actuators their values of `joints`, as `State.joints`; no node is moved."""
-        for term, value in zip(self._actuated, joints[len(self.torques) :], strict=False):
-            term.value = float(value)
+        if self._actuated:
+            for term, value in zip(self._actuated, joints[len(self.torques) :], strict=False):
+                term.value = float(value)
 
     def runaway(self) -> str:
         """Return in words which actuators a failed solve is likely due to, as of the last `evaluate`; empty if none."""
@@ -236,6 +237,8 @@ class System:
 
     def moves_frames(self, before: FloatArray, joints: FloatArray) -> bool:
         """Return whether something is driven elsewhere by `joints` than by those `before`, both as `State.joints`."""
+        if not self._actuated:
+            return not same(before, joints)
         s, behind = len(self.torques), self.actuators
         return not (same(before[:s], joints[:s]) and same(before[behind:], joints[behind:]))
 
