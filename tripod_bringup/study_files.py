@@ -66,6 +66,11 @@ def error_text(point: Result) -> str:
     return f"{100 * point['error']:.3g}"
 
 
+def bound_text(point: Result) -> str:
+    """Return in percent how large a point's error may be, with the error of the reference itself."""
+    return "-" if point["bound"] is None else f"{100 * point['bound']:.3g}"
+
+
 def seconds(value: float | None) -> str:
     """Return a CPU time for the table."""
     return "-" if value is None else f"{value:.3g}"
@@ -76,14 +81,14 @@ def table(result: Result) -> str:
     from tripod_study.advice import short  # noqa: PLC0415 - not needed for the help
 
     rows = sorted(result["points"], key=lambda p: (p["cpu"] is None, p["cpu"] or 0.0))
-    cells = [["", "setting", "unknowns", "error [%]", f"CPU [{result['cpu']}]", "median", ""]]
+    cells = [["", "setting", "unknowns", "error [%]", "up to", f"CPU [{result['cpu']}]", "median", ""]]
     for p in rows:
         name = short(p["settings"], result) + (f" ({p['label']})" if p["label"] else "")
         note = p["message"] if p["status"] == "ok" else f"{p['status']}: {p['message']}"
         cells.append(
             [
-                "*" if p["on_front"] else "", name, str(p["unknowns"] or "-"), error_text(p), seconds(p["cpu"]),
-                seconds(p["cpu_median"]), note,
+                "*" if p["on_front"] else "", name, str(p["unknowns"] or "-"), error_text(p), bound_text(p),
+                seconds(p["cpu"]), seconds(p["cpu_median"]), note,
             ]
         )  # fmt: skip
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
@@ -96,7 +101,10 @@ def _tail(result: Result) -> list[str]:
     """Return what follows the table."""
     reference, first = result["reference"], result["quantities"][0]
     own = reference and reference["own_error"]
-    lines = [f"error: {first['what']}; *: no other point is better in both"]
+    lines = [
+        f"error: {first['what']}; *: no other point is better in both",
+        "up to: error and the reference's own error together",
+    ]
     if own is not None:
         lines.append(
             f"reference: {_words(reference['settings'])}; its own error, estimated: {100 * own:.2g} % "

@@ -311,6 +311,8 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.stderr
     line_naming(done.stdout, "order", "dt", "2.00")
     line_naming(done.stdout, "reference", "own error", "0.01 %")
+    most_exact = lines_naming(done.stdout, "dt 0.1 ")[0]
+    assert_names(most_exact, " 1 ", " 1.02 ")  # the error, and that with the reference's own
     table = list(csv.DictReader((tmp_path / "out" / "toy.csv").open(newline="")))
     result = json.loads((tmp_path / "out" / "toy.json").read_text())
     assert [float(row["error"]) for row in table] == [p["error"] for p in result["points"]]
