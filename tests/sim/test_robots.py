@@ -73,7 +73,7 @@ def test_the_two_cables_of_the_finger_bend_it_and_their_difference_swings_it() -
     [
         ("finger_cable", {"left": 0.01, "right": 0.01}, 0.03),
         ("finger_pneumatic", {"air": 10e3}, 0.25),
-        ("diamond", {"north": 0.01, "south": 0.01}, 0.25),
+        ("diamond", {"north": 0.02, "west": 0.01, "east": 0.01}, 0.12),
         ("trunk", {"north": 0.02}, 0.15),
     ],
 )

@@ -45,8 +45,8 @@ def act(tables: tuple[Chamber, ...], draft: Draft) -> None:
         term = ChamberTerm(surface, draft.rest, table.name, bulk=bulk)
         if bulk and table.range[0] <= -term.undeformed:
             raise SceneError(
-                f"{field}.range begins at {table.range[0]:.3g} m³, but the chamber has {term.undeformed:.3g} m³; give a "
-                "smallest change of volume that leaves some"
+                f"{field}.range begins at {table.range[0]:.3g} m³, but the chamber has {term.undeformed:.3g} m³; give "
+                "a smallest change of volume that leaves some"
             )
         draft.add_actuator(term, table.actuator)
         if bulk:

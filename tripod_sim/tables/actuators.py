@@ -84,9 +84,9 @@ class Chamber:
     """
 
     name: str
-    range: tuple[float, float] = number(low=VACUUM, high=1e12)
+    range: tuple[float, float] = number(low=-1e12, high=1e12)
     command: str = one_of("pressure", "volume", default="pressure")
-    start: float = number(0.0, low=VACUUM, high=1e12)
+    start: float = number(0.0, low=-1e12, high=1e12)
     body: str = ""
     cavity: int = number(0, low=0, high=10**6)
     set: str = ""
