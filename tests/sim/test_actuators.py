@@ -274,3 +274,36 @@ def test_commands_are_checked_and_a_reset_restores_them(tmp_path: Path) -> None:
     assert simulation.positions.tobytes() == begin
     led(simulation, 0.01)
     assert simulation.positions.tobytes() == first
+
+
+ROUTE = 'cable=[{{name="tendon", range=[0.0, 0.03], via=[{{source="{}"}}]}}]'
+
+
+def test_a_cable_runs_through_the_points_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "route.csv").write_text("# x, y, z\n0, 0.01, 0.003\n0.03 0.01 0.003\n\n0.099,0.01,0.003\n")
+    points = "[[0, 0.01, 0.003], [0.03, 0.01, 0.003], [0.099, 0.01, 0.003]]"
+    words = [ROUTE.format(tmp_path / "route.csv")], [ROUTE.replace('source="{}"', "points={}").format(points)]
+    scene = Path(finger(tmp_path))
+    scene.write_text(
+        f'cable = [{{name = "tendon", range = [0, 0.03], via = [{route}]}}]\n{scene.read_text()}'
+    )
+    assert load_scene(str(scene)).cable[0].via[0].source == str(tmp_path / "route.csv")
+    by_file, given = (led(Simulation(load_scene(finger(tmp_path), one)), 0.005) for one in words)
+    assert by_file.positions.tobytes() == given.positions.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"0 0 0\n1 2\n", ("line 2", "2 values")),
+        (b"0 0 nan\n", ("line 1", "nan")),
+        (b"", ("no points",)),
+        (b"\xff\x00 1 2\n", ("line 1",)),
+    ],
+)
+def test_a_bad_file_of_points_is_refused(tmp_path: Path, content: bytes, named: tuple[str, ...]) -> None:
+    (tmp_path / "route.csv").write_bytes(content)
+    with raises_naming(SceneError, "cable.0.via.0.source", "route.csv", *named):
+        Simulation(load_scene(finger(tmp_path), [ROUTE.format(tmp_path / "route.csv")]))
+    with raises_naming(SceneError, "cable.0.via.0.source", "gone.csv"):
+        Simulation(load_scene(finger(tmp_path), [ROUTE.format(tmp_path / "gone.csv")]))

@@ -30,10 +30,12 @@ class Via:
     Attributes:
         points: Undeformed, in the frame of the body [m]; anywhere in its elements, or nodes of a net.
         body: Name of the body; empty: the first; `world`: points that never move.
+        source: Path of a text file with the points instead, x, y, z a line [m] (relative to the scene's file).
     """
 
-    points: tuple[Vector, ...] = number(unit="m")
+    points: tuple[Vector, ...] = number((), unit="m")
     body: str = ""
+    source: str = ""
 
 
 @dataclass(frozen=True)
