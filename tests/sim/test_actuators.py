@@ -284,9 +284,8 @@ def test_a_cable_runs_through_the_points_of_a_file(tmp_path: Path) -> None:
     points = "[[0, 0.01, 0.003], [0.03, 0.01, 0.003], [0.099, 0.01, 0.003]]"
     words = [ROUTE.format(tmp_path / "route.csv")], [ROUTE.replace('source="{}"', "points={}").format(points)]
     scene = Path(finger(tmp_path))
-    scene.write_text(
-        f'cable = [{{name = "tendon", range = [0, 0.03], via = [{route}]}}]\n{scene.read_text()}'
-    )
+    cable = ROUTE.format("route.csv")
+    scene.write_text(f"{cable}\n{scene.read_text()}")
     assert load_scene(str(scene)).cable[0].via[0].source == str(tmp_path / "route.csv")
     by_file, given = (led(Simulation(load_scene(finger(tmp_path), one)), 0.005) for one in words)
     assert by_file.positions.tobytes() == given.positions.tobytes()
