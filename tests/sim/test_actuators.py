@@ -14,11 +14,18 @@ from tripod_study.run import run
 
 FINE = "solver.tolerance=1e-8"
 MOVING = ("inertia={}", "damping.stiffness=2e-3")
-ENDS = {"cable": (BY_LENGTH, 0.01), "tension": (BY_TENSION, 3.0), "force": (PUSH, 0.2), "chamber": (AIR, 5e3)}
+LIQUID = 'chamber=[{name="oil", command="volume", range=[-1e-6, 2e-6]}]'
+ENDS = {
+    "cable": (BY_LENGTH, 0.01),
+    "tension": (BY_TENSION, 3.0),
+    "force": (PUSH, 0.2),
+    "chamber": (AIR, 5e3),
+    "liquid": (LIQUID, 2e-7),
+}
 
 
 def made(folder: Path, kind: str, *words: str) -> Simulation:
-    source = beam(folder) if kind == "chamber" else finger(folder)
+    source = beam(folder) if kind in ("chamber", "liquid") else finger(folder)
     return Simulation(load_scene(source, [ENDS[kind][0], *words]))
 
 
@@ -96,6 +103,28 @@ def test_the_coupling_of_an_actuator_is_the_change_of_the_gradient(tmp_path: Pat
         (ends[0][0] - ends[1][0]) / (2 * h), rel=1e-5, abs=1e-6 * np.abs(found).max()
     )
     assert slope == pytest.approx((ends[0][1] - ends[1][1]) / (2 * h), rel=1e-6, abs=1e-12)
+
+
+def test_a_chamber_by_volume_and_one_by_its_pressure_hold_the_same_pose(tmp_path: Path) -> None:
+    by_volume = led(made(tmp_path, "liquid", "solver.tolerance=1e-10"), 2e-7)
+    pressure = float(by_volume.efforts[0])
+    by_pressure = led(made(tmp_path, "chamber", "solver.tolerance=1e-10"), pressure)
+    assert by_pressure.positions == pytest.approx(by_volume.positions, abs=1e-11)
+    empty = made(tmp_path, "chamber").joint_work()[0][0]
+    (volume, _), _ = by_pressure.joint_work()
+    assert volume - empty == pytest.approx(2e-7 - empty * pressure / 1e8, rel=1e-8)  # less the compression
+
+
+def test_a_liquid_below_vacuum_is_told_once(tmp_path: Path) -> None:
+    words = [LIQUID, "chamber.0.range=[-2e-6, 0]", "inertia=off", "damping=off", "material.young=1e8"]
+    simulation = led(Simulation(load_scene(beam(tmp_path), words)), -1e-6)
+    (note,) = [note for note in simulation.notes if "oil" in note]
+    assert_names(note, "chamber.0", "below vacuum", "-101325 Pa")
+
+
+def test_more_than_the_chamber_has_cannot_be_pumped_out(tmp_path: Path) -> None:
+    with raises_naming(SceneError, "chamber.0.range", "-0.001 m³", "3e-06 m³"):
+        made(tmp_path, "liquid", "chamber.0.range=[-1e-3, 0]")
 
 
 PULLED = (
@@ -181,6 +210,7 @@ def test_a_tension_above_what_is_allowed_is_told_once(tmp_path: Path) -> None:
         ),
         ([PUSH, "force.0.direction=[0, 0, 0]"], ("force.0.direction", "zero")),
         ([AIR, "chamber.0.cap=true"], ("chamber.0.cap", "chamber.0.set")),
+        ([LIQUID, "chamber.0.command=mass"], ("chamber.0.command", "pressure, volume")),
         ([AIR, "chamber.0.range=[-2e5, 0.0]"], ("chamber.0.range", "-101325 Pa")),
     ],
 )
@@ -198,6 +228,10 @@ def test_a_wrong_description_is_refused(tmp_path: Path, words: list[str], named:
         ),
         ([BY_LENGTH, "cable.0.via.1.body=arm"], ("cable.0.via.1.body", "'arm'", "world")),
         ([AIR], ("chamber.0.cavity", "no cavity")),
+        (
+            [BY_LENGTH, "cable.0.via=[{points=[[0.03, 0.01, 0.003], [0.03, 0.01, 0.003]]}]"],
+            ("cable.0", "no length", "same place"),
+        ),
         ([AIR, "chamber.0.set=tip"], ("chamber.0.set", "'tip'", "do not enclose", "cap")),
         ([PUSH, "force.0.set=toe"], ("force.0.set", "'toe'")),
         ([BY_LENGTH, "inertia.scheme=semi_implicit_euler", "damping=off"], ("inertia.scheme", "cable")),
@@ -240,3 +274,35 @@ def test_commands_are_checked_and_a_reset_restores_them(tmp_path: Path) -> None:
     assert simulation.positions.tobytes() == begin
     led(simulation, 0.01)
     assert simulation.positions.tobytes() == first
+
+
+ROUTE = 'cable=[{{name="tendon", range=[0.0, 0.03], via=[{{source="{}"}}]}}]'
+
+
+def test_a_cable_runs_through_the_points_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "route.csv").write_text("# x, y, z\n0, 0.01, 0.003\n0.03 0.01 0.003\n\n0.099,0.01,0.003\n")
+    points = "[[0, 0.01, 0.003], [0.03, 0.01, 0.003], [0.099, 0.01, 0.003]]"
+    words = [ROUTE.format(tmp_path / "route.csv")], [ROUTE.replace('source="{}"', "points={}").format(points)]
+    scene = Path(finger(tmp_path))
+    cable = ROUTE.format("route.csv")
+    scene.write_text(f"{cable}\n{scene.read_text()}")
+    assert load_scene(str(scene)).cable[0].via[0].source == str(tmp_path / "route.csv")
+    by_file, given = (led(Simulation(load_scene(finger(tmp_path), one)), 0.005) for one in words)
+    assert by_file.positions.tobytes() == given.positions.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"0 0 0\n1 2\n", ("line 2", "2 values")),
+        (b"0 0 nan\n", ("line 1", "nan")),
+        (b"", ("no points",)),
+        (b"\xff\x00 1 2\n", ("line 1",)),
+    ],
+)
+def test_a_bad_file_of_points_is_refused(tmp_path: Path, content: bytes, named: tuple[str, ...]) -> None:
+    (tmp_path / "route.csv").write_bytes(content)
+    with raises_naming(SceneError, "cable.0.via.0.source", "route.csv", *named):
+        Simulation(load_scene(finger(tmp_path), [ROUTE.format(tmp_path / "route.csv")]))
+    with raises_naming(SceneError, "cable.0.via.0.source", "gone.csv"):
+        Simulation(load_scene(finger(tmp_path), [ROUTE.format(tmp_path / "gone.csv")]))

@@ -1,5 +1,6 @@
 """Effect: cables that are pulled."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,10 @@ def check(tables: tuple[Cable, ...], scene: Described) -> None:
             raise SceneError(
                 f"cable.{i}.range begins at {table.range[0]:g} N; a cable cannot push: give a smallest tension of 0 N"
             )
-        if not any(via.points and via.body != WORLD for via in table.via):
+        for k, via in enumerate(table.via):
+            if bool(via.points) == bool(via.source):
+                raise SceneError(f"cable.{i}.via.{k} needs either points or source; give one of the two")
+        if not any((via.points or via.source) and via.body != WORLD for via in table.via):
             raise SceneError(
                 f"cable.{i}.via has no point of a body; give one: via = [{{points = [[x, y, z]]}}]"
             )
@@ -45,8 +49,11 @@ def hold(tables: tuple[Cable, ...], draft: Draft) -> None:
 def _points(field: str, via: Via, draft: Draft) -> "Embedding":
     """Return the points of one body. Raises SceneError."""
     from tripod_sim.mesh.embedding import in_net, in_solid, in_world
+    from tripod_sim.mesh.lines import read_points
 
-    points, name = np.reshape(via.points, (-1, 3)).astype(float), f"{field}.points"
+    name = f"{field}.{'source' if via.source else 'points'}"
+    found = read_points(Path(via.source), name) if via.source else via.points
+    points = np.reshape(found, (-1, 3)).astype(float)
     if via.body == WORLD:
         return in_world(points)
     body = draft.assembly.body_named(via.body, f"{field}.body", f"points that never move: {WORLD}")

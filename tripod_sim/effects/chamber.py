@@ -1,14 +1,24 @@
-"""Effect: chambers under a commanded pressure."""
+"""Effect: chambers under a commanded pressure or of a commanded volume."""
+
+from typing import TYPE_CHECKING
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
-from tripod_sim.tables.actuators import Chamber, check_actuators
+from tripod_sim.tables.actuators import VACUUM, Chamber, check_actuators
+
+if TYPE_CHECKING:
+    from tripod_sim.forces.chamber import Chamber as ChamberTerm
 
 
 def check(tables: tuple[Chamber, ...], scene: Described) -> None:
     """Raise SceneError if a chamber is described wrongly."""
     check_actuators(scene)
     for i, table in enumerate(tables):
+        if table.command == "pressure" and table.range[0] < VACUUM:
+            raise SceneError(
+                f"chamber.{i}.range begins at {table.range[0]:g} Pa, but vacuum is {VACUUM:g} Pa above the pressure "
+                "outside; give a larger smallest pressure"
+            )
         if table.cap and not table.set:
             raise SceneError(f"chamber.{i}.cap closes the openings of a set; name one with chamber.{i}.set")
         if table.set and table.cavity:
@@ -31,7 +41,32 @@ def act(tables: tuple[Chamber, ...], draft: Draft) -> None:
             surface = faces_of_set(mesh, nodes, f"{field}.set", table.set, cap=table.cap)
         else:
             surface = cavity_faces(mesh, table.cavity, f"{field}.cavity")
-        draft.add_actuator(ChamberTerm(surface, draft.rest, table.name), table.actuator)
+        bulk = table.bulk if table.command == "volume" else None
+        term = ChamberTerm(surface, draft.rest, table.name, bulk=bulk)
+        if bulk and table.range[0] <= -term.undeformed:
+            raise SceneError(
+                f"{field}.range begins at {table.range[0]:.3g} m³, but the chamber has {term.undeformed:.3g} m³; give "
+                "a smallest change of volume that leaves some"
+            )
+        draft.add_actuator(term, table.actuator)
+        if bulk:
+            draft.watches.append(_Watch(field, table.name, term))
+
+
+class _Watch:
+    """Tells once when a liquid is below vacuum."""
+
+    def __init__(self, field: str, name: str, term: "ChamberTerm") -> None:
+        self._field, self._name, self._term = field, name, term
+
+    def __call__(self, positions: object) -> str:
+        """Return the note, empty as long as there is none."""
+        if self._term.pressure >= VACUUM:
+            return ""
+        return (
+            f"{self._field}: the pressure in {self._name} is {self._term.pressure:.3g} Pa, below vacuum, "
+            f"{VACUUM:g} Pa, where a liquid boils: pump less out"
+        )
 
 
 EFFECT = Effect(

@@ -41,6 +41,29 @@ def numbered_lines(path: Path, name: str) -> Iterator[tuple[int, bytes]]:
         raise SceneError(f"{name} cannot be read: {error.strerror or error}") from None
 
 
+MOST_POINTS = 10_000
+"""Of a line through points."""
+
+
+def read_points(path: Path, name: str) -> list[list[float]]:
+    """Return the points of a text file: x, y, z a line, by commas or blanks; `#` begins a comment.
+
+    Raises SceneError where it cannot be read or has something else; the message begins with `name` and has the line.
+    """
+    points = list[list[float]]()
+    for number, line in numbered_lines(path, f"{name}: {str(path)!r}"):
+        where = f"{name}: {str(path)!r}, line {number}"
+        if tokens := line.split(b"#")[0].replace(b",", b" ").split():
+            if len(tokens) != 3:
+                raise SceneError(f"{where}: {len(tokens)} values; give x, y and z in metres")
+            points.append(to_coordinates(tokens, where))
+        if len(points) > MOST_POINTS:
+            raise SceneError(f"{where}: more than {MOST_POINTS} points; give fewer")
+    if not points:
+        raise SceneError(f"{name}: {str(path)!r} has no points; give x, y, z in metres, a point a line")
+    return points
+
+
 def check_count(triangles: int, most: int, name: str) -> None:
     """Raise SceneError if a surface has more triangles than there may be; `name`: what messages call the file."""
     if triangles > most:

@@ -100,6 +100,9 @@ def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str], 
     lists = [table[key] for key in ("obstacles", "rigid", "body") if isinstance(table.get(key), list)]
     several = [part for parts in lists for part in parts if isinstance(part, dict)]
     nested = [part.get(key) for part in (table, *several) for key in ("mesh", "springs")]
+    cables = table.get("cable")
+    for cable in cables if isinstance(cables, list) else ():
+        several += list(via) if isinstance(cable, dict) and isinstance(via := cable.get("via"), list) else []
     for part in (*nested, *several):
         if isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
             part["source"] = _located(part["source"], folder)

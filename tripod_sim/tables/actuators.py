@@ -30,10 +30,12 @@ class Via:
     Attributes:
         points: Undeformed, in the frame of the body [m]; anywhere in its elements, or nodes of a net.
         body: Name of the body; empty: the first; `world`: points that never move.
+        source: Path of a text file with the points instead, x, y, z a line [m] (relative to the scene's file).
     """
 
-    points: tuple[Vector, ...] = number(unit="m")
+    points: tuple[Vector, ...] = number((), unit="m")
     body: str = ""
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -69,30 +71,37 @@ class Cable:
 
 @dataclass(frozen=True)
 class Chamber:
-    """A closed cavity of a solid under a commanded pressure, which follows its surface.
+    """A closed cavity of a solid: the pressure in it is commanded, or how much liquid is pumped in.
 
     Attributes:
         name: Of the joint.
-        range: Smallest and largest pressure above that outside [Pa].
-        start: At the start [Pa].
+        range: Smallest and largest command: pressure above that outside [Pa], or volume pumped in [m³].
+        command: What is commanded: `pressure` or `volume`.
+        start: At the start [Pa, m³].
         body: Name of the solid; empty: the first.
         cavity: Number of the cavity, from 0, in the order of their smallest nodes; or give `set`.
         set: Name of a set whose faces enclose the chamber.
         cap: Whether openings of that set with nearly planar rims are closed; the pressure on a cap acts on its rim.
+        bulk: Modulus of the liquid, pressure over relative compression [Pa]; without effect by pressure.
     """
 
     name: str
-    range: tuple[float, float] = number(unit="Pa", low=VACUUM, high=1e12)
-    start: float = number(0.0, unit="Pa", low=VACUUM, high=1e12)
+    range: tuple[float, float] = number(low=-1e12, high=1e12)
+    command: str = one_of("pressure", "volume", default="pressure")
+    start: float = number(0.0, low=-1e12, high=1e12)
     body: str = ""
     cavity: int = number(0, low=0, high=10**6)
     set: str = ""
     cap: bool = False
+    bulk: float = number(1e8, unit="Pa", above=0, high=1e10)
 
     @property
     def actuator(self) -> Actuator:
         """Return the joint."""
-        return Actuator(self.name, "Pa", *self.range, self.start, is_effort=True)
+        by_volume = self.command == "volume"
+        return Actuator(
+            self.name, "m³" if by_volume else "Pa", *self.range, self.start, is_effort=not by_volume
+        )
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ OTHER_UNITS = {
 """What a number may have been meant in: the unit, its sign, its size, and from where on."""
 
 
-FURTHER_UNITS = {"m": {"cm": 1e-2}}
+FURTHER_UNITS = {"m": {"cm": 1e-2}, "m³": {"ml": 1e-6}}
 """Units in which numbers may be given besides, and their sizes."""
 
 TYPED = str.maketrans("²³⁴", "234")

@@ -80,7 +80,7 @@ class Actuator:
     @property
     def quantity(self) -> str:
         """What is commanded, in a word."""
-        return {"rad": "angle", "m": "length", "N": "force", "Pa": "pressure"}[self.unit]
+        return {"rad": "angle", "m": "length", "N": "force", "Pa": "pressure", "m³": "volume"}[self.unit]
 
     @property
     def position_unit(self) -> str:
@@ -90,7 +90,7 @@ class Actuator:
     @property
     def effort_unit(self) -> str:
         """Of what it does there."""
-        return {"rad": "N m", "m": "N"}.get(self.unit, self.unit)
+        return {"rad": "N m", "m": "N", "m³": "Pa"}.get(self.unit, self.unit)
 
 
 @dataclass(frozen=True, eq=False)
