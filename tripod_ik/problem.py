@@ -52,6 +52,13 @@ PRICE = 1.0
 the limit's multiplier stays below √weight · PRICE, there is no slack wherever the limit can be kept.
 """
 
+SEEN = 1e-6
+"""Steps shorter than this [rad] do not tell how the Jacobian turns."""
+
+RANK, FLAT, SLIDE = 1e-4, 1e-6, 0.3
+"""Singular values of the Jacobian that count as none, over its norm; smallest curvature of the energy, over the largest;
+and longest step towards its least [rad]."""
+
 BLIND = 1e-9
 """Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
 
@@ -99,6 +106,7 @@ def build_ik(
     previous: FloatArray | None = None,
     dt: float = 0.0,
     ahead: float = 0.0,
+    turning: float = 0.0,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
@@ -130,6 +138,7 @@ def build_ik(
         ahead: Length |δ| of a step [rad] over which hard limits are to be kept by the robot itself, not only by the
             linear model: they are tightened by curvature |δ|²/2, as far as the command that is held keeps to that.
             Zero where steps are corrected afterwards.
+        turning: Curvature that was seen [m/rad²], see `seen_turning`; tasks count at least as curved.
 
     Raises:
         IkError: there is no task, or `previous`, `dt` or `ahead` is not finite, or has the wrong shape or sign.
@@ -138,19 +147,26 @@ def build_ik(
     if not tasks:
         raise IkError("no task is given, so there is nothing to solve")
     before = state.angles if previous is None else frozen("previous", previous, (n,))
+    if state.held:  # a slack cable begins where it is just taut: the pose is the same
+        slack = np.array([not a.is_effort and a.unit == "m" for a in state.actuators]) & (state.efforts <= 0)
+        before = np.where(slack, np.maximum(before, state.angles), before)
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     if not 0 <= ahead < np.inf:
         raise IkError(f"ahead is {ahead} rad; it must be finite and not negative")
     box = command_box(limits, Motion(state, before, dt))
     hold = np.minimum(np.maximum(before, box.low), box.high)
-    keep = hold - state.angles
+    keep = wish = hold - state.angles
 
     rows = tuple(task.rows(state) for task in tasks)
     Se, SJ = weighted(rows)
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
-    mu = sum(r.curvature * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
+    mu = sum(
+        max(r.curvature, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows if r.curvature
+    )
+    if state.held and not straight:
+        wish = keep + least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]
@@ -159,7 +175,7 @@ def build_ik(
     P, q, A = np.eye(m), np.zeros(m), np.eye(m + extra, m)
     P[:n, :n] = (SJ.T @ SJ + soft) / sigma
     P.flat[: n * m : m + 1] += mu / sigma + REGULARISATION
-    q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
+    q[:n] = -SJ.T @ Se / sigma - REGULARISATION * wish
     low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
     low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
@@ -191,6 +207,51 @@ def build_ik(
         first += len(found.names)
     names = tuple(name for found in limited for name in found.names)
     return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
+
+
+def seen_turning(before: LinearState, after: LinearState) -> float:
+    """Return how fast the Jacobian of the position turned from one state to another [m/rad²]; 0 for servos alone."""
+    step = float(np.linalg.norm(after.angles - before.angles))
+    if not after.held or step < SEEN:
+        return 0.0
+    return float(np.linalg.norm(after.jacobian[:3] - before.jacobian[:3], 2)) / step
+
+
+def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the step, shape (n,), that makes the stored energy U least without moving what the tasks ask.
+
+    With actuators P whose position is commanded and F whose effort is, U = Φ - Σ_F q dV/dq, and at rest
+
+        ∂U/∂q_i = [i in P] tau_i - Σ_F q_j K_ji,      ∂²U/∂q² ≈ [K_PP, 0; 0, -K_FF].
+
+    It is the Newton step in the null space of S J, of the joints that are not at an end of `low` to `high` which it would
+    pass, shape (n,) each. So the pose that is reached is the same to first order; no weights are needed, since all is
+    energy.
+    """
+    n = len(state.angles)
+    effort = np.array([a.is_effort for a in state.actuators])
+    K, free = state.stiffness, np.ones(n, dtype=bool)
+    slope = np.where(effort, 0.0, state.efforts) - (effort * state.angles) @ K
+    H = np.where(effort[:, None] == effort, np.where(effort, -K, K), 0.0)
+    out = np.zeros(n)
+    for _ in range(n):
+        out[:] = 0.0
+        _, sizes, V = np.linalg.svd(SJ[:, free], full_matrices=True)
+        N = V[int((sizes > RANK * max(float(np.linalg.norm(SJ)), 1e-18)).sum()) :].T
+        if not N.shape[1]:
+            break
+        values, vectors = np.linalg.eigh(N.T @ H[np.ix_(free, free)] @ N)
+        largest = max(float(np.abs(H).max()), 1e-18)
+        along = vectors.T @ (N.T @ slope[free]) / np.maximum(np.abs(values), FLAT * largest)
+        step = -N @ (vectors @ along)
+        out[free] = step * min(1.0, SLIDE / max(float(np.linalg.norm(step)), 1e-18))
+        stuck = free & (((out < 0) & (low >= 0)) | ((out > 0) & (high <= 0)))
+        if not stuck.any():
+            break
+        free &= ~stuck
+        if not free.any():
+            return np.zeros(n)
+    return out
 
 
 def softening(state: LinearState, SJ: FloatArray, Se: FloatArray) -> FloatArray:
