@@ -156,6 +156,12 @@ class TensionLimit(RowLimit):
         return LimitRows(state.stiffness[rows], -state.efforts[rows], np.full(len(rows), 1e9), names)
 
 
+def tension_limits(state: LinearState) -> tuple[TensionLimit, ...]:
+    """Return the limit that the cables of a robot need, if it has any that are commanded by length."""
+    cables = tuple(i for i, a in enumerate(state.actuators) if a.unit == "m" and not a.is_effort)
+    return (TensionLimit(cables),) if cables else ()
+
+
 @dataclass(frozen=True, eq=False)
 class EffectorBox(RowLimit):
     """The effector at rest stays within a box: low ≤ p + J δ ≤ high [m], each of shape (3,), in `world`."""
