@@ -107,6 +107,7 @@ def build_ik(
     dt: float = 0.0,
     ahead: float = 0.0,
     turning: float = 0.0,
+    least: bool = False,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
@@ -139,6 +140,8 @@ def build_ik(
             linear model: they are tightened by curvature |δ|²/2, as far as the command that is held keeps to that.
             Zero where steps are corrected afterwards.
         turning: Curvature that was seen [m/rad²], see `seen_turning`; tasks count at least as curved.
+        least: Whether actuators that the tasks leave free go towards the least energy, see `least_energy`, in place of
+            staying; of servos alone they stay.
 
     Raises:
         IkError: there is no task, or `previous`, `dt` or `ahead` is not finite, or has the wrong shape or sign.
@@ -165,7 +168,7 @@ def build_ik(
     mu = sum(
         max(r.curvature, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows if r.curvature
     )
-    if state.held and not straight:
+    if least and state.held and not straight:
         wish = keep + least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 

@@ -27,7 +27,8 @@ from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.tables.fields import other_unit
-from tripod_sim.tables.short_forms import joints_of
+from tripod_sim.tables.joints import Joints
+from tripod_sim.tables.short_forms import effector_of, joints_of
 
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
@@ -67,14 +68,17 @@ def solve_once(
 ) -> dict[str, Any]:
     """Return angles, torques and what is missing for a target.
 
+    Where the scene has cables, chambers or forces, no search over other poses helps on where no step comes closer, and
+    actuators that the goal leaves free take the least energy, see `problem.least_energy`.
+
     Args:
-        scene: Of the robot; solved without inertia. Its servos' angles are the limits.
+        scene: Of the robot; solved without inertia. The ranges of its actuators are the limits.
         target: x, y, z of the effector at rest [m] in `world`.
         tilt: Roll and pitch [rad], where the goal has a tilt.
         goal: What of both is asked for.
         slide: Inward shift of the servo bodies [m].
-        start: Angles [rad] from which the robot moves; None: see `StaticModel`.
-        torque_max: Largest torque [N m]; infinite for no limit.
+        start: Commands [rad, m, N, Pa] from which the robot moves; None: see `StaticModel`.
+        torque_max: Largest torque of servos [N m]; infinite for no limit. Tensions keep to `tension_max` of the cables.
         hard: Whether torques and box are hard limits.
         box: Smallest and largest corner of where the effector may be [m], or None.
         tolerance: What may be missing where the target counts as reached [m].
@@ -82,7 +86,8 @@ def solve_once(
             last with those of the answer.
 
     Returns:
-        outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
+        outcome and reason (words), reached (bool), names and units of the joints, angles (commands) [rad, m, N, Pa],
+        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; 0 of an effector that is no disc],
         error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
         with unit), active_limits, kkt [rad], iterations (linearisations), seconds, path (angles [rad] through which
         the servos go, each straight from the one before).
@@ -95,6 +100,14 @@ def solve_once(
     roll, pitch = frozen("tilt", tilt, (2,))
     joints = joints_of(scene)
     begin = None if start is None else frozen("start", start, (joints.count if joints else 0,))
+    effector = effector_of(scene)
+    if goal is not Goal.POSITION and effector and not effector.is_disc:
+        raise IkError(
+            f"goal is {str(goal)!r}, but the effector of scene {scene.name!r} is a point or a set, which has no "
+            "orientation; take goal 'position', or a disc as effector"
+        )
+    if begin is not None and joints:
+        begin = begin / joints.spans
     settings = TrackerSettings(
         goal=goal, torque_max=torque_max, hard=hard, box=box and (tuple(box[0]), tuple(box[1])), tolerance=tolerance
     )  # fmt: skip
@@ -102,7 +115,7 @@ def solve_once(
     if joints is None:  # StaticModel has refused it
         raise StepError("the scene has no servos; add [servos]")
     _check_near(position, model)
-    began = clock.perf_counter()
+    began, spans = clock.perf_counter(), joints.spans
     motion = _Motion(model, settings, progress)
     normal = normal_of(float(roll), float(pitch))
     outcome, step = motion.go(position, normal)
@@ -113,8 +126,10 @@ def solve_once(
         "outcome": str(outcome),
         "reason": "" if outcome is Outcome.REACHED else motion.reason,
         "reached": outcome is Outcome.REACHED,
-        "angles": state.angles.tolist(),
-        "torques": state.efforts.tolist(),
+        "names": [a.name for a in joints.actuators],
+        "units": [a.unit for a in joints.actuators],
+        "angles": (state.angles * spans).tolist(),
+        "torques": (state.efforts / spans).tolist(),
         "position": state.equilibrium.tolist(),
         "roll": found[0],
         "pitch": found[1],
@@ -124,9 +139,17 @@ def solve_once(
         "active_limits": [] if outcome is Outcome.REACHED else list(step.result.active_limits),
         "kkt": step.result.kkt,
         "iterations": motion.linearisations,
-        "path": [stop.tolist() for stop in (*motion.path, state.angles)],
+        "path": [(stop * spans).tolist() for stop in (*motion.path, state.angles)],
         "seconds": clock.perf_counter() - began,
     }
+
+
+def effort_limits(joints: Joints, torque_max: float) -> FloatArray | None:
+    """Return the largest effort of each actuator per span [N m], infinite for none; None for servos alone."""
+    if not joints.others:
+        return None
+    limits = [torque_max if a.unit == "rad" else a.effort_max or np.inf for a in joints.actuators]
+    return np.array(limits) * joints.spans
 
 
 def missed(tasks: Sequence[Task], state: LinearState) -> float:
@@ -150,13 +173,22 @@ class _Motion:
         joints = joints_of(model.scene)
         assert joints is not None
         self.model, self._progress, self._settings = model, progress, settings
-        self._tracker = Tracker(settings, guide=self._way)
+        self._tracker = Tracker(settings, guide=None if joints.others else self._way)
         self._tracker.resize(joints.count)
-        self._tracker.narrow(joints.low, joints.high, settings.angle_speed)
+        self._tracker.narrow(
+            joints.low / joints.spans, joints.high / joints.spans, settings.angle_speed,
+            effort_limits(joints, settings.torque_max),
+        )  # fmt: skip
+        self._others = bool(joints.others)
         self._finder: Planner | None = None
         self._least = np.inf
         self.reason = ""
         self.path: list[FloatArray] = []
+
+    @property
+    def _no_search(self) -> str:
+        """Return why other poses are not searched for a better one; empty where they are."""
+        return "other poses are searched for servos alone" if self._others else ""
 
     @property
     def linearisations(self) -> int:
@@ -197,7 +229,7 @@ class _Motion:
         else:
             self.reason = f"the robot did not come to rest within {STEPS} commands"
         if outcome is Outcome.CLOSEST:
-            self.reason = why_closest(step.result.active_limits, self.reason)
+            self.reason = why_closest(step.result.active_limits, self.reason or self._no_search)
         return outcome, step
 
     def _tell(self, missing: float) -> None:
