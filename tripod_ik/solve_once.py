@@ -87,7 +87,7 @@ def solve_once(
 
     Returns:
         outcome and reason (words), reached (bool), names and units of the joints, angles (commands) [rad, m, N, Pa],
-        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; 0 of an effector that is no disc],
+        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; None of an effector that is no disc],
         error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
         with unit), active_limits, kkt [rad], iterations (linearisations), seconds, path (angles [rad] through which
         the servos go, each straight from the one before).
@@ -115,6 +115,7 @@ def solve_once(
     if joints is None:  # StaticModel has refused it
         raise StepError("the scene has no servos; add [servos]")
     _check_near(position, model)
+    turns = not effector or effector.is_disc
     began, spans = clock.perf_counter(), joints.spans
     motion = _Motion(model, settings, progress)
     normal = normal_of(float(roll), float(pitch))
@@ -131,8 +132,8 @@ def solve_once(
         "angles": (state.angles * spans).tolist(),
         "torques": (state.efforts / spans).tolist(),
         "position": state.equilibrium.tolist(),
-        "roll": found[0],
-        "pitch": found[1],
+        "roll": found[0] if turns else None,
+        "pitch": found[1] if turns else None,
         "error": missed(tasks, state),
         **_mesh_error(model, state.angles),
         "residuals": {n: d for task in tasks for n, d in task.distances(task.rows(state).error).items()},
@@ -188,7 +189,7 @@ class _Motion:
     @property
     def _no_search(self) -> str:
         """Return why other poses are not searched for a better one; empty where they are."""
-        return "other poses are searched for servos alone" if self._others else ""
+        return "; other poses are searched for servos alone" if self._others else ""
 
     @property
     def linearisations(self) -> int:
@@ -229,7 +230,7 @@ class _Motion:
         else:
             self.reason = f"the robot did not come to rest within {STEPS} commands"
         if outcome is Outcome.CLOSEST:
-            self.reason = why_closest(step.result.active_limits, self.reason or self._no_search)
+            self.reason = why_closest(step.result.active_limits, self.reason) + self._no_search
         return outcome, step
 
     def _tell(self, missing: float) -> None:
