@@ -79,7 +79,7 @@ def scene_of(name: str, folder: Path) -> Scene:
         write_trunk(folder / "trunk.vtk")
         chambers = ", ".join(f'{{name="air_{k}", cavity={k}, range=[0, 40e3]}}' for k in range(3))
         mesh = f'mesh={{source="{folder / "trunk.vtk"}"}}'
-        return load_scene(FINGER, ["cable=off", mesh, f"chamber=[{chambers}]", *REST])
+        return load_scene(FINGER, ["cable=off", "material.young=60e3", mesh, f"chamber=[{chambers}]", *REST])
     if name == "mixed":
         cable = (
             'cable=[{name="tendon", range=[0, 0.006], via=[{points=[[0.0, -0.006, 0.0]]}, '

@@ -39,6 +39,10 @@ leaves a choice and bounds the step where the Jacobian is singular. As it acts o
 angles, it moves no solution: a step leaves 1e-4 of the distance, the next 1e-4 of that.
 """
 
+LIGHT = 1e-7
+"""The same with actuators that are no servos: chambers beside each other bend a body a hundred times as easily as they
+stretch it, and what is as stiff as that should converge as well."""
+
 ROW_BOUND = 1e3
 """Bounds of rows farther away than this [rad] are cut: they cannot act, and large numbers disturb OSQP."""
 
@@ -139,7 +143,8 @@ def build_ik(
         ahead: Length |δ| of a step [rad] over which hard limits are to be kept by the robot itself, not only by the
             linear model: they are tightened by curvature |δ|²/2, as far as the command that is held keeps to that.
             Zero where steps are corrected afterwards.
-        turning: Curvature that was seen [m/rad²], see `seen_turning`; tasks count at least as curved.
+        turning: How fast the Jacobian was seen to turn [1/rad], see `seen_turning`: in place of the tasks' curvature
+            with actuators that are no servos.
         least: Whether actuators that the tasks leave free go towards the least energy, see `least_energy`, in place of
             staying; of servos alone they stay.
 
@@ -165,9 +170,7 @@ def build_ik(
     Se, SJ = weighted(rows)
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
-    mu = sum(
-        max(r.curvature, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows if r.curvature
-    )
+    mu = sum(_curvature(r, state, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
     if least and state.held and not straight:
         wish = keep + least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
@@ -177,8 +180,9 @@ def build_ik(
     m = n + extra
     P, q, A = np.eye(m), np.zeros(m), np.eye(m + extra, m)
     P[:n, :n] = (SJ.T @ SJ + soft) / sigma
-    P.flat[: n * m : m + 1] += mu / sigma + REGULARISATION
-    q[:n] = -SJ.T @ Se / sigma - REGULARISATION * wish
+    weight = LIGHT if state.held else REGULARISATION
+    P.flat[: n * m : m + 1] += mu / sigma + weight
+    q[:n] = -SJ.T @ Se / sigma - weight * wish
     low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
     low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
@@ -212,12 +216,20 @@ def build_ik(
     return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
 
 
+def _curvature(rows: TaskRows, state: LinearState, turning: float) -> float:
+    """Return how fast the Jacobian of a task turns [unit/rad²]: what is known of the Tripod, else what was seen."""
+    if not state.held or not rows.curvature:
+        return rows.curvature
+    return turning * float(np.linalg.norm(rows.jacobian))
+
+
 def seen_turning(before: LinearState, after: LinearState) -> float:
-    """Return how fast the Jacobian of the position turned from one state to another [m/rad²]; 0 for servos alone."""
+    """Return how fast the Jacobian turned from one state to another, over its norm [1/rad]; 0 for servos alone."""
     step = float(np.linalg.norm(after.angles - before.angles))
     if not after.held or step < SEEN:
         return 0.0
-    return float(np.linalg.norm(after.jacobian[:3] - before.jacobian[:3], 2)) / step
+    now = after.jacobian[:3]
+    return float(np.linalg.norm(now - before.jacobian[:3])) / (step * max(float(np.linalg.norm(now)), 1e-18))
 
 
 def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
