@@ -19,9 +19,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from calibration import calibration  # it sets the number of threads, so it comes before NumPy
-
-# isort: split
 import meshio
 import numpy as np
 from scipy.optimize import minimize
@@ -159,7 +156,6 @@ def main() -> None:
     parser.add_argument("--beside", type=int, default=20)
     parser.add_argument("--scene", nargs="+", default=["cables", "tensions", "chambers", "mixed"])
     wanted = parser.parse_args()
-    print(json.dumps({"calibration": calibration()}))
     with tempfile.TemporaryDirectory() as folder:
         for name in wanted.scene:
             figures = measure(scene_of(name, Path(folder)), wanted.targets, wanted.beside)
