@@ -13,6 +13,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
+from tripod_ik.errors import IkError
 from tripod_ik.joint_path import NO_PATH, JointPath, why_closest
 from tripod_ik.mesh_error import mesh_of
 from tripod_ik.model import StaticModel

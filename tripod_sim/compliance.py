@@ -194,6 +194,7 @@ def _factored(system: System, state: State, rest: "RestState | None") -> State:
         StepError: the static tangent is singular.
     """
     for at in (rest.carried(state), state) if rest else (state,):
+        system.command(at.joints)  # a state that was restored has others than the last step
         for project in (False, True):
             if system.assemble(at, project=project) < 0:
                 break
