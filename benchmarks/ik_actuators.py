@@ -83,7 +83,13 @@ def scene_of(name: str, folder: Path) -> Scene:
             '{body="world", points=[[0.01, 0.02, -0.03]]}]}]'
         )
         push = 'force=[{name="push", set="all", direction=[1, 0, 1], range=[-0.3, 0.3]}]'
-        words = ["mesh.level=1", "servos.slide=0.035", "servos.angles=[-0.8, -0.8, -0.8]", "inertia=off", "damping=off"]
+        words = [
+            "mesh.level=1",
+            "servos.slide=0.035",
+            "servos.angles=[-0.8, -0.8, -0.8]",
+            "inertia=off",
+            "damping=off",
+        ]
         return load_scene("tripod", [*words, "motion=off", "servos.angle_min=-1.3", cable, push])
     return load_scene(name)
 
@@ -151,7 +157,9 @@ def measure(scene: Scene, count: int, compared: int) -> dict[str, Any]:
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--targets", type=int, default=100)
     parser.add_argument("--beside", type=int, default=20)
     parser.add_argument("--scene", nargs="+", default=["cables", "tensions", "chambers", "mixed"])

@@ -138,14 +138,17 @@ def ik(
     slide: Slide = 0.035,
     start: Annotated[
         str | None,
-        typer.Option(metavar='"A B C"', help="Commands where the robot is: angles \\[rad] of servos, and see the ranges of other actuators; by default those "
-            "of the slide, or of the start."),
+        typer.Option(
+            metavar='"A B C"',
+            help="Commands where the robot is: angles \\[rad] of servos, and see the ranges of other actuators; by default those "
+            "of the slide, or of the start.",
+        ),
     ] = None,
     torque_max: Annotated[
         float,
         typer.Option(
             help="Largest torque of a servo \\[N m]; inf for no limit. Cables keep to their tension_max.",
-            callback=_positive_or_infinite
+            callback=_positive_or_infinite,
         ),
     ] = 0.3,
     box: Annotated[

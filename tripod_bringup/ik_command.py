@@ -190,7 +190,16 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("outcome", outcome),
         *commands,
         ("effector", ", ".join(f"{v:z.3f}" for v in (x, y, z)) + " mm"),
-        *([] if result["roll"] is None else [("roll, pitch", f"{math.degrees(result['roll']):z.2f}, {math.degrees(result['pitch']):z.2f} degrees")]),
+        *(
+            []
+            if result["roll"] is None
+            else [
+                (
+                    "roll, pitch",
+                    f"{math.degrees(result['roll']):z.2f}, {math.degrees(result['pitch']):z.2f} degrees",
+                )
+            ]
+        ),
         ("still missing", ", ".join(missing)),
         *([("error", f"{error_words(error['distance'])} (estimated)")] if error else []),
         *bar_rows(result.get("expected_error")),

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_ik.arrays import frozen, per_joint
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 

@@ -6,6 +6,7 @@ and node have the same answer from the same start within the same limits.
 
 import time as clock
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from enum import StrEnum
 from typing import Any
 
@@ -42,6 +43,10 @@ GAINED, RESTS = 1e-9, 10
 
 SHORTEST = 1e-4
 """Part of the way to a command [rad] below which the end of the equilibria is not looked for more closely."""
+
+
+PARTS = (1.0, 0.3, 0.1, 0.03)
+"""Parts of a command that are tried one after another."""
 
 
 class Outcome(StrEnum):
@@ -215,7 +220,7 @@ class _Motion:
                 self.reason = step.result.status
                 return Outcome.FAILED, step
             try:
-                state = self.model.follow(step.result.command, shortest=SHORTEST)
+                state = self._moved(step.result.command)
             except (StepError, SceneError) as error:
                 self.reason = str(error)
                 return Outcome.CLOSEST, step
@@ -233,6 +238,16 @@ class _Motion:
         if outcome is Outcome.CLOSEST:
             self.reason = why_closest(step.result.active_limits, self.reason) + self._no_search
         return outcome, step
+
+    def _moved(self, command: FloatArray) -> LinearState:
+        """Return the state after a move to `command` [rad], shape (n,); with actuators that are no servos after a part
+        of the way where the whole has no equilibrium. Raises StepError where there is none.
+        """
+        begin = self.model.angles
+        for part in PARTS if self._others else ():
+            with suppress(StepError):
+                return self.model.move(begin + part * (command - begin))
+        return self.model.follow(command, shortest=SHORTEST)
 
     def _tell(self, missing: float) -> None:
         self._least = min(self._least, missing)

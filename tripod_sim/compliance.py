@@ -157,7 +157,16 @@ def _compliance(
         fall[:3] = there - position
         fall[3:] = rotation_vector(turned @ turn.T)
     return Compliance(
-        w, jacobian, stiffness, state.joints[:s] + gaps, float(state.joints[s]), efforts, position, quaternion(turn), fall, soft
+        w,
+        jacobian,
+        stiffness,
+        state.joints[:s] + gaps,
+        float(state.joints[s]),
+        efforts,
+        position,
+        quaternion(turn),
+        fall,
+        soft,
     )
 
 

@@ -17,10 +17,10 @@ def check(_: Effector, scene: Described) -> None:
         if table.is_disc:
             continue
         if table.point is not None and table.set:
-            raise SceneError(
-                f"{field} has both point and set; an effector is one of them: leave one out"
-            )
-        if others := [other for other, _, _ in found if other != field] or ["platform"] * bool(scene.platform):
+            raise SceneError(f"{field} has both point and set; an effector is one of them: leave one out")
+        if others := [other for other, _, _ in found if other != field] or ["platform"] * bool(
+            scene.platform
+        ):
             raise SceneError(
                 f"{field} is a point or a set, and the scene also has {others[0]}, which is an effector too; "
                 "a scene has one effector: leave one out"

@@ -4,7 +4,14 @@ from tripod_sim.effects import EFFECTS, has, table_of
 from tripod_sim.model import Model
 from tripod_sim.scene.scene import Scene
 from tripod_sim.tables.fields import unusual
-from tripod_sim.tables.short_forms import effectors_of, field_of, joints_of, rigids_of, servo_tables, soft_bodies
+from tripod_sim.tables.short_forms import (
+    effectors_of,
+    field_of,
+    joints_of,
+    rigids_of,
+    servo_tables,
+    soft_bodies,
+)
 
 
 def lowered(scene: Scene) -> Model:
