@@ -7,8 +7,8 @@ pose of the start, and so does L-BFGS-B over the commands with the simulation in
 `--scene` also takes a file. A target is met if less than 0.01 mm is missing.
 
 Prints one JSON object a scene: targets that are met; those that end at a closest pose, and the largest residual of the
-optimality conditions there [rad]; largest distance of the met [m]; medians of linearisations and of the time of each [s];
-of SciPy: how many it meets, median time [s], and how many of these targets are met by ours.
+optimality conditions there [rad]; largest distance of the met [m]; medians of linearisations and of the time of each
+[s]; of SciPy: how many it meets, median time [s], and how many of these targets are met by ours.
 """
 
 import argparse

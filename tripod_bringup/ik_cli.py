@@ -140,8 +140,8 @@ def ik(
         str | None,
         typer.Option(
             metavar='"A B C"',
-            help="Commands where the robot is: angles \\[rad] of servos, and see the ranges of other actuators; by default those "
-            "of the slide, or of the start.",
+            help="Commands where the robot is: angles \\[rad] of servos, others in the unit of their range; by default "
+            "those of the slide, or of the start.",
         ),
     ] = None,
     torque_max: Annotated[

@@ -119,8 +119,8 @@ def home_angles(joints: Joints, slide: float) -> FloatArray:
 class StaticModel:
     """A robot at rest: each set of angles has an equilibrium, reached along the way from the one before.
 
-    Its commands are those of `state`: angles, and spans of other actuators. With these no stability margin is known, and
-    moves are not followed along the equilibria.
+    Its commands are those of `state`: angles, and spans of other actuators. With these no stability margin is known,
+    and moves are not followed along the equilibria.
 
     Attributes:
         spans: Commands in SI over those of the model, shape (s,).

@@ -60,8 +60,8 @@ SEEN = 1e-6
 """Steps shorter than this [rad] do not tell how the Jacobian turns."""
 
 RANK, FLAT, SLIDE = 1e-4, 1e-6, 0.3
-"""Singular values of the Jacobian that count as none, over its norm; smallest curvature of the energy, over the largest;
-and longest step towards its least [rad]."""
+"""Singular values of the Jacobian that count as none, over its norm; smallest curvature of the energy, over the
+largest; and longest step towards its least [rad]."""
 
 BLIND = 1e-9
 """Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
@@ -155,9 +155,8 @@ def build_ik(
     if not tasks:
         raise IkError("no task is given, so there is nothing to solve")
     before = state.angles if previous is None else frozen("previous", previous, (n,))
-    if state.held:  # a slack cable begins where it is just taut: the pose is the same
-        slack = np.array([not a.is_effort and a.unit == "m" for a in state.actuators]) & (state.efforts <= 0)
-        before = np.where(slack, np.maximum(before, state.angles), before)
+    if state.held:
+        before = _taut(state, before)
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     if not 0 <= ahead < np.inf:
@@ -170,7 +169,7 @@ def build_ik(
     Se, SJ = weighted(rows)
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
-    mu = sum(_curvature(r, state, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
+    mu = _damping(rows, state, turning)
     if least and state.held and not straight:
         wish = keep + least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
@@ -216,6 +215,17 @@ def build_ik(
     return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
 
 
+def _taut(state: LinearState, before: FloatArray) -> FloatArray:
+    """Return commands with slack cables just taut, where the state has them: the pose is the same."""
+    slack = np.array([not a.is_effort and a.unit == "m" for a in state.actuators]) & (state.efforts <= 0)
+    return np.where(slack, np.maximum(before, state.angles), before)
+
+
+def _damping(rows: Sequence[TaskRows], state: LinearState, turning: float) -> float:
+    """Return μ, see `build_ik`."""
+    return sum(_curvature(r, state, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
+
+
 def _curvature(rows: TaskRows, state: LinearState, turning: float) -> float:
     """Return how fast the Jacobian of a task turns [unit/rad²]: what is known of the Tripod, else what was seen."""
     if not state.held or not rows.curvature:
@@ -239,9 +249,9 @@ def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: Floa
 
         ∂U/∂q_i = [i in P] tau_i - Σ_F q_j K_ji,      ∂²U/∂q² ≈ [K_PP, 0; 0, -K_FF].
 
-    It is the Newton step in the null space of S J, of the joints that are not at an end of `low` to `high` which it would
-    pass, shape (n,) each. So the pose that is reached is the same to first order; no weights are needed, since all is
-    energy.
+    It is the Newton step in the null space of S J, of the joints that are not at an end of `low` to `high`, shape (n,)
+    each, which it would pass. So the pose that is reached is the same to first order; no weights are needed, since all
+    is energy.
     """
     n = len(state.angles)
     effort = np.array([a.is_effort for a in state.actuators])

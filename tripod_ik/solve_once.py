@@ -93,7 +93,7 @@ def solve_once(
 
     Returns:
         outcome and reason (words), reached (bool), names and units of the joints, angles (commands) [rad, m, N, Pa],
-        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; None of an effector that is no disc],
+        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; None of a point or a set],
         error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
         with unit), active_limits, kkt [rad], iterations (linearisations), seconds, path (angles [rad] through which
         the servos go, each straight from the one before).

@@ -246,10 +246,7 @@ class Tracker:
 
     def update(self, state: LinearState, now: float) -> TrackerStep:
         """Return the next command for `state`, received at `now` [s] of the caller's steady clock."""
-        tension = tension_limits(state)
-        cables = sum(limit.size(len(state.angles)) for limit in tension)
-        if (len(state.angles), cables) != (self._servos, self._cables):
-            self.resize(len(state.angles), cables)
+        tension = self._fit(state)
         dt = 0.0 if self._previous is None else min(max(0.0, now - self._time), LONGEST_DT)
         if self._kept is None:
             self._kept = np.concatenate([state.equilibrium, state.equilibrium_rotation[:, 2]])
@@ -271,9 +268,6 @@ class Tracker:
         step = self.settings.step if free else min(self._trust, longest_step(state))
         limits = (self._limits[0], StepLimit(step), self._limits[1])
         row_limits = [*self._row_limits(state, dt, firm, led=led is not None), *tension]
-        if state.held:
-            self._turning = max(self._turning / 2, seen_turning(self._seen or state, state))
-            self._seen = state
         result = self._solved(state, tasks, limits, row_limits, dt)
         if self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = tuple(name for name in result.active_limits if not name.endswith(" step"))
@@ -305,6 +299,17 @@ class Tracker:
             activity = Activity.TRACKING
         left = result.residuals.get(TILT, 0.0)
         return TrackerStep(activity, wanted[:3], error, tilt, left, result, waits)
+
+    def _fit(self, state: LinearState) -> tuple[RowLimit, ...]:
+        """Resize to the joints of `state`, see how the Jacobian turned, and return the limits of tensions."""
+        tension, n = tension_limits(state), len(state.angles)
+        cables = sum(limit.size(n) for limit in tension)
+        if (n, cables) != (self._servos, self._cables):
+            self.resize(n, cables)
+        if state.held:
+            self._turning = max(self._turning / 2, seen_turning(self._seen or state, state))
+            self._seen = state
+        return tension
 
     def _wanted(self, now: float, more: float) -> FloatArray:
         """Return position [m] and normal that are followed, shape (6,); `more`: of the lead [s]."""

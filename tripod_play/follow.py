@@ -80,7 +80,8 @@ def servo_path(
         progress: Called with the finished fraction.
 
     Raises:
-        PlayError: the scene has no actuators, the path is of tilts and the effector has none, or inverse kinematics fails at a key point.
+        PlayError: the scene has no actuators, the path is of tilts and the effector has none, or inverse
+            kinematics fails at a key point.
         SceneError, StepError: the model cannot be built.
     """
     servos, why = joints_of(scene), nothing_to_solve(scene)

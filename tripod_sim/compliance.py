@@ -9,8 +9,8 @@ efforts dV/dq, and H_e the rows of the effector,
     S = K_ss - K_s^T K^-1 K_s          dtau / dq
     W = [F + J S^-1 J^T, J S^-1; (J S^-1)^T, S^-1]
 
-[Duriez2013], [CoevoetEtAl2017]. Of a force, a pressure or a tension that is commanded dtau is minus a displacement. S is
-singular where several of them act alike: S^-1 is then the pseudo-inverse, while J and S themselves stay exact. A slack
+[Duriez2013], [CoevoetEtAl2017]. Of a force, a pressure or a tension that is commanded dtau is minus a displacement. S
+is singular where several of them act alike: S^-1 is then the pseudo-inverse, while J and S themselves stay exact. A slack
 cable counts as just taut: J and S are those of pulling it further. An effector that is observed has no rotation; its
 rows are zero. What holds the body besides joins in as `Holding`, by the same F, J, S of the few
 unknowns that it has to do with: nothing is factored again.
@@ -54,7 +54,8 @@ class Compliance:
         stiffness: S, shape (s, s).
         angles: Commands of the actuators [rad, m, N, Pa], shape (s,); of a slack cable that at which it is just taut.
         slide: [m].
-        efforts: tau, static: the torque that each servo exerts on the body [N m], and see `forces.actuator`, shape (s,).
+        efforts: tau, static: the torque that each servo exerts on the body [N m], and see `forces.actuator`, shape
+            (s,).
         position: Of the effector [m], shape (3,).
         quaternion: Of the effector (x, y, z, w), shape (4,); that of no rotation where it is observed.
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
