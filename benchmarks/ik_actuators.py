@@ -23,8 +23,7 @@ import meshio
 import numpy as np
 from scipy.optimize import minimize
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tripod_ik.model import StaticModel
 from tripod_ik.solve_once import solve_once
@@ -33,7 +32,9 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.tables.short_forms import joints_of
 
+ROOT = Path(__file__).parents[1]
 MET = 1e-5
+"""What may be missing of a target that is met [m]."""
 FINGER = str(ROOT / "examples" / "tendon_finger.toml")
 REST = ("motion=off", "inertia=off", "damping=off", 'effector={set="tip"}')
 

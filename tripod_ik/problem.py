@@ -154,34 +154,30 @@ def build_ik(
     n = len(state.joint_names)
     if not tasks:
         raise IkError("no task is given, so there is nothing to solve")
-    before = state.angles if previous is None else frozen("previous", previous, (n,))
-    if state.held:
-        before = _taut(state, before)
+    before = _taut(state, state.angles if previous is None else frozen("previous", previous, (n,)))
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     if not 0 <= ahead < np.inf:
         raise IkError(f"ahead is {ahead} rad; it must be finite and not negative")
     box = command_box(limits, Motion(state, before, dt))
     hold = np.minimum(np.maximum(before, box.low), box.high)
-    keep = wish = hold - state.angles
+    keep = hold - state.angles
 
     rows = tuple(task.rows(state) for task in tasks)
     Se, SJ = weighted(rows)
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
     mu = _damping(rows, state, turning)
-    if least and state.held and not straight:
-        wish = keep + least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
+    wish = keep + _free_step(state, SJ, box) if least and not straight else keep
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]
-    extra = sum(len(r.names) for r in limited)
-    m = n + extra
+    m = n + (extra := sum(len(r.names) for r in limited))
     P, q, A = np.eye(m), np.zeros(m), np.eye(m + extra, m)
     P[:n, :n] = (SJ.T @ SJ + soft) / sigma
-    weight = LIGHT if state.held else REGULARISATION
-    P.flat[: n * m : m + 1] += mu / sigma + weight
-    q[:n] = -SJ.T @ Se / sigma - weight * wish
+    epsilon = LIGHT if state.held else REGULARISATION
+    P.flat[: n * m : m + 1] += mu / sigma + epsilon
+    q[:n] = -SJ.T @ Se / sigma - epsilon * wish
     low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
     low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
@@ -211,14 +207,25 @@ def build_ik(
             low[slack] = -sqrt(limit.weight) * np.maximum(held - high[here], 0.0)
             q[slack] = PRICE * (np.sign(high[slack]) + np.sign(low[slack]))
         first += len(found.names)
-    names = tuple(name for found in limited for name in found.names)
-    return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
+    return IkProblem(
+        P, q, A, low, high, push, state, tuple(tasks), rows, box, hold,
+        tuple(name for found in limited for name in found.names),
+    )  # fmt: skip
 
 
 def _taut(state: LinearState, before: FloatArray) -> FloatArray:
     """Return commands with slack cables just taut, where the state has them: the pose is the same."""
+    if not state.held:
+        return before
     slack = np.array([not a.is_effort and a.unit == "m" for a in state.actuators]) & (state.efforts <= 0)
     return np.where(slack, np.maximum(before, state.angles), before)
+
+
+def _free_step(state: LinearState, SJ: FloatArray, box: CommandBox) -> FloatArray:
+    """Return the step to the least energy, shape (n,); none for servos alone."""
+    if not state.held:
+        return np.zeros(len(state.angles))
+    return least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
 
 
 def _damping(rows: Sequence[TaskRows], state: LinearState, turning: float) -> float:
