@@ -16,3 +16,14 @@ def nothing_to_solve(scene: Scene) -> str:
         f"scene {scene.name!r} has {' and '.join(f'no {name}' for name in missing)}, which inverse kinematics needs; "
         f"add {' and '.join(tables.get(name, '[servos] or [[cable]]') for name in missing)} to the scene"
     )
+
+
+def not_servos(scene: Scene, what: str) -> str:
+    """Return why `what` cannot be done: it knows servos alone, and a scene has other actuators; empty where it can."""
+    joints = joints_of(scene)
+    if not (joints and joints.others):
+        return ""
+    return (
+        f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)} beside servos; {what} commands servos "
+        "only so far: solve with `tripod ik SCENE --target`"
+    )

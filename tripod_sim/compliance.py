@@ -11,10 +11,9 @@ efforts dV/dq, and H_e the rows of the effector,
 
 [Duriez2013], [CoevoetEtAl2017]. Of a force, a pressure or a tension that is commanded dtau is minus a displacement. S
 is singular where several of them act alike: S^-1 is then the pseudo-inverse, while J and S themselves stay exact. A
-slack
-cable counts as just taut: J and S are those of pulling it further. An effector that is observed has no rotation; its
-rows are zero. What holds the body besides joins in as `Holding`, by the same F, J, S of the few
-unknowns that it has to do with: nothing is factored again.
+slack cable counts as just taut: J and S are those of pulling it further. An effector that is observed has no rotation;
+its rows are zero. What holds the body besides joins in as `Holding`, by the same F, J, S of the few unknowns that it has
+to do with: nothing is factored again.
 """
 
 from dataclasses import dataclass

@@ -35,7 +35,7 @@ def test_an_observed_effector_adds_nothing_and_has_the_slope_of_its_place(effect
         ends.append(seen.effector.position)
         if pull == 0.005:
             found = seen.compliance()
-    assert plain.effector is None
+    assert plain.effector is None and seen.effector
     assert seen.effector.quaternion.tolist() == [0, 0, 0, 1]
     if "set" in effector:
         np.testing.assert_allclose(seen.effector.position, seen.markers[0], atol=1e-15)
