@@ -54,7 +54,7 @@ from tripod_ik.settings import (
     scene_of,
     tracker_settings,
 )
-from tripod_ik.solvable import nothing_to_solve, not_servos
+from tripod_ik.solvable import not_servos, nothing_to_solve
 from tripod_ik.state import LinearState
 from tripod_ik.state_sync import StateSync
 from tripod_ik.target import TargetBox

@@ -12,8 +12,8 @@ efforts dV/dq, and H_e the rows of the effector,
 [Duriez2013], [CoevoetEtAl2017]. Of a force, a pressure or a tension that is commanded dtau is minus a displacement. S
 is singular where several of them act alike: S^-1 is then the pseudo-inverse, while J and S themselves stay exact. A
 slack cable counts as just taut: J and S are those of pulling it further. An effector that is observed has no rotation;
-its rows are zero. What holds the body besides joins in as `Holding`, by the same F, J, S of the few unknowns that it has
-to do with: nothing is factored again.
+its rows are zero. What holds the body besides joins in as `Holding`, by the same F, J, S of the few unknowns that it
+has to do with: nothing is factored again.
 """
 
 from dataclasses import dataclass
@@ -189,7 +189,7 @@ def _inverse(system: System, stiffness: FloatArray, state: State) -> FloatArray:
         scaled = np.linalg.pinv(stiffness * np.outer(spans, spans), rcond=SINGULAR, hermitian=True)
         return np.asarray(scaled * np.outer(spans, spans))
     try:
-        return np.linalg.inv(stiffness)
+        return np.asarray(np.linalg.inv(stiffness))
     except np.linalg.LinAlgError:
         raise StepError(
             f"the compliance is not defined at {state.time:.4g} s: the stiffness of the servos is "
