@@ -111,7 +111,7 @@ def build_ik(
     dt: float = 0.0,
     ahead: float = 0.0,
     turning: float = 0.0,
-    least: bool = False,
+    relax: bool = False,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
@@ -145,7 +145,7 @@ def build_ik(
             Zero where steps are corrected afterwards.
         turning: How fast the Jacobian was seen to turn [1/rad], see `seen_turning`: in place of the tasks' curvature
             with actuators that are no servos.
-        least: Whether actuators that the tasks leave free go towards the least energy, see `least_energy`, in place of
+        relax: Whether actuators that the tasks leave free go towards the least energy, see `least_energy`, in place of
             staying; of servos alone they stay.
 
     Raises:
@@ -168,7 +168,7 @@ def build_ik(
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
     mu = _damping(rows, state, turning)
-    wish = keep + _free_step(state, SJ, box) if least and not straight else keep
+    wish = keep + _free_step(state, SJ, box) if relax and not straight else keep
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]

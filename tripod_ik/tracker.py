@@ -365,7 +365,7 @@ class Tracker:
             previous=self._previous,
             dt=dt,
             turning=self._turning,
-            least=True,
+            relax=True,
         )
         result = self._solver.solve(problem)
         turn = result.command - problem.hold
@@ -380,7 +380,7 @@ class Tracker:
                 previous=self._previous,
                 dt=dt,
                 turning=self._turning,
-                least=True,
+                relax=True,
             )
             result = self._solver.solve(problem)
         if self.settings.hard and result.ok:
@@ -406,7 +406,7 @@ class Tracker:
                 break
             within = build_ik(
                 state, problem.tasks, (*limits, StepLimit(longest)), row_limits,
-                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest, turning=self._turning, least=True,
+                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest, turning=self._turning, relax=True,
             )  # fmt: skip
             shorter = self._solver.solve(within)
             names = (name for name in shorter.active_limits if not name.endswith(" step"))

@@ -121,7 +121,7 @@ def test_the_step_to_the_least_energy_moves_no_task(tmp_path: Path) -> None:
     step = least_energy(state, J, -np.ones(4), np.ones(4))
     assert np.linalg.norm(step) > 1e-3
     assert np.linalg.norm(J @ step) < 1e-9
-    problem = build_ik(state, [PositionTask(state.equilibrium)], least=True)
+    problem = build_ik(state, [PositionTask(state.equilibrium)], relax=True)
     assert np.abs(problem.q).max() < 1e-4
 
 
