@@ -105,15 +105,12 @@ def linear_state(c: Compliance, joints: Joints | None = None) -> LinearState:
     )  # fmt: skip
 
 
-def home_angles(joints: Joints, slide: float) -> FloatArray:
-    """Return the angles [rad] at which the strips are stretched with a slide [m], shape (count,); where the scene has
-    other actuators, the commands it starts with, see `state`.
+def home_angles(count: int, slide: float) -> FloatArray:
+    """Return the angles [rad] at which the strips are stretched with a slide [m], shape (count,).
 
     They are in proportion between the flat piece, not slid in, and the working pose.
     """
-    if joints.others:
-        return joints.start[:-1] / joints.spans
-    return np.full(joints.count, WORKING_ANGLE * slide / WORKING_SLIDE)
+    return np.full(count, WORKING_ANGLE * slide / WORKING_SLIDE)
 
 
 class StaticModel:
@@ -133,7 +130,7 @@ class StaticModel:
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
         """Build the model and bring it to `angles` [rad], shape (s,).
 
-        None means the pose of that slide, see `home_angles`; of a robot that begins with that slide, or does not slide,
+        None means the pose of that slide, see `home_angles`, or with other actuators that of the start; of a robot that begins with that slide, or does not slide,
         the pose in which it begins where the body is firmer there.
 
         A slide is one of servos: without any that slide it does not count.
@@ -148,7 +145,11 @@ class StaticModel:
             raise IkError(reason)
         count = joints.count
         self.spans = joints.spans
-        near = np.clip(home_angles(joints, slide), joints.low / self.spans, joints.high / self.spans)
+        near = np.clip(
+            joints.start[:-1] / self.spans if joints.others else home_angles(count, slide),
+            joints.low / self.spans,
+            joints.high / self.spans,
+        )
         wanted = near if angles is None else frozen("angles", angles, (count,))
         for a, value in zip(joints.actuators, (wanted * self.spans).tolist(), strict=True):
             slack = 0.0 if a.unit == "rad" else 1e-9 * (a.high - a.low)

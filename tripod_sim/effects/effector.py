@@ -58,6 +58,6 @@ EFFECT = Effect(
     rank=110,
     there=lambda scene: bool(effectors_of(scene)),
     check=check,
-    modules=("robot.disc", "robot.observed"),
+    modules=("robot.disc",),
     hold=hold,
 )
