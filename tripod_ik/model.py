@@ -130,8 +130,8 @@ class StaticModel:
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
         """Build the model and bring it to `angles` [rad], shape (s,).
 
-        None means the pose of that slide, see `home_angles`, or with other actuators that of the start; of a robot that begins with that slide, or does not slide,
-        the pose in which it begins where the body is firmer there.
+        None means the pose of that slide, see `home_angles`, or with other actuators that of the start; of a robot that
+        begins with that slide, or does not slide, the pose in which it begins where the body is firmer there.
 
         A slide is one of servos: without any that slide it does not count.
 
