@@ -75,7 +75,7 @@ def scene_of(name: str, folder: Path) -> Scene:
         return load_scene(FINGER, [cables(around, 'command="tension", range=[0, 4]'), *REST])
     if name == "chambers":
         write_trunk(folder / "trunk.vtk")
-        chambers = ", ".join(f'{{name="air_{k}", cavity={k}, range=[0, 40e3]}}' for k in range(3))
+        chambers = ", ".join(f'{{name="air_{k}", cavity={k}, range=[0, 8e3]}}' for k in range(3))
         mesh = f'mesh={{source="{folder / "trunk.vtk"}"}}'
         return load_scene(FINGER, ["cable=off", "material.young=60e3", mesh, f"chamber=[{chambers}]", *REST])
     if name == "mixed":
