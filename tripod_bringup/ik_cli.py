@@ -111,8 +111,8 @@ def reach(
 
 
 IK_HELP = (
-    "Find servo angles for a target, or run the ROS node for it.\n\n"
-    "With --target it needs no ROS: it prints angles, what is still missing, torques and active limits. "
+    "Find the commands of servos and other actuators for a target, or run the ROS node for it.\n\n"
+    "With --target it needs no ROS: it prints commands, what is still missing, torques and active limits. "
     "Exit codes: 0 reached, 1 not reached, 2 bad arguments. "
     "Without --target only the scene, --set and --subnet are allowed."
 )
@@ -138,12 +138,17 @@ def ik(
     slide: Slide = 0.035,
     start: Annotated[
         str | None,
-        typer.Option(metavar='"A B C"', help="Angles \\[rad] where the robot is; those of the slide."),
+        typer.Option(
+            metavar='"A B C"',
+            help="Commands where the robot is: angles \\[rad] of servos, others in the unit of their range; by default "
+            "those of the slide, or of the start.",
+        ),
     ] = None,
     torque_max: Annotated[
         float,
         typer.Option(
-            help="Largest torque of a servo \\[N m]; inf for no limit.", callback=_positive_or_infinite
+            help="Largest torque of a servo \\[N m]; inf for no limit. Cables keep to their tension_max.",
+            callback=_positive_or_infinite,
         ),
     ] = 0.3,
     box: Annotated[

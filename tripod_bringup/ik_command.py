@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -80,7 +80,8 @@ def solve_command(
                 print(choice.sentence, file=sys.stderr)
         description = load_scene(scene, overrides)
         joints = joints_of(description)
-        begin = None if start is None else numbers("--start", start, joints.count if joints else 3, "rad")
+        units = [a.unit for a in joints.actuators] if joints else ["rad"] * 3
+        begin = None if start is None else numbers("--start", start, len(units), units)
         with (
             interruptible("tripod ik"),
             compiling_told("tripod ik", overwrite if shown else None),
@@ -140,8 +141,9 @@ def expected_error(scene: "Scene", path: Path, result: Mapping[str, Any], slide:
     return {"expected_error": {name: getattr(found, name)[0].tolist() for name in parts}}
 
 
-def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
-    """Return `count` numbers in SI of `text`, separated by spaces or commas, that are in `unit` or say theirs.
+def numbers(option: str, text: str, count: int, unit: str | Sequence[str]) -> list[float]:
+    """Return `count` numbers in SI of `text`, separated by spaces or commas, that are in `unit`, one for all or one for
+    each, or say theirs.
 
     Raises:
         IkError: they are not that many finite numbers; names the option.
@@ -150,14 +152,16 @@ def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
     from tripod_sim.tables.fields import units_of, with_unit  # noqa: PLC0415
 
     words = text.replace(",", " ").split()
+    units = [unit] * count if isinstance(unit, str) else list(unit)
     try:
-        values = [with_unit(word, unit) for word in words]
+        values = [with_unit(word, own) for word, own in zip(words, units, strict=True)]
     except ValueError:
         values = []
     if len(words) != count or len(values) != count or not all(map(math.isfinite, values)):
+        known = dict.fromkeys(name for own in units for name in units_of(own))
         raise IkError(
-            f"{option} is {text!r}; it must be {count} finite numbers in {unit}, or with their unit "
-            f"({', '.join(units_of(unit))}), such as {' '.join(['0.01'] * count)!r}"
+            f"{option} is {text!r}; it must be {count} finite numbers in {', '.join(dict.fromkeys(units))}, or with "
+            f"their unit ({', '.join(known)}), such as {' '.join(['0.01'] * count)!r}"
         )
     return values
 
@@ -173,17 +177,33 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         shown = f"{1e3 * value:.3f} mm" if unit == "[m]" else f"{math.degrees(value):.3f} degrees"
         missing.append(f"{what} {shown}")
     outcome = result["outcome"] + (f": {result['reason']}" if result["reason"] else "")
+    servos = set(result["units"]) == {"rad"}
     angles, error = result["angles"], result.get("mesh_error")
-    return [
-        ("outcome", outcome),
+    commands = [
         ("angles", ", ".join(f"{a:.4f}" for a in angles) + " rad"),
         ("", ", ".join(f"{math.degrees(a):.2f}" for a in angles) + " degrees"),
+    ]
+    if not servos:
+        named = zip(result["names"], angles, result["units"], strict=True)
+        commands = [("commands", ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in named))]
+    return [
+        ("outcome", outcome),
+        *commands,
         ("effector", ", ".join(f"{v:z.3f}" for v in (x, y, z)) + " mm"),
-        ("roll, pitch", f"{math.degrees(result['roll']):z.2f}, {math.degrees(result['pitch']):z.2f} degrees"),
+        *(
+            []
+            if result["roll"] is None
+            else [
+                (
+                    "roll, pitch",
+                    f"{math.degrees(result['roll']):z.2f}, {math.degrees(result['pitch']):z.2f} degrees",
+                )
+            ]
+        ),
         ("still missing", ", ".join(missing)),
         *([("error", f"{error_words(error['distance'])} (estimated)")] if error else []),
         *bar_rows(result.get("expected_error")),
-        ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),
+        effort_row(result),
         ("active limits", ", ".join(result["active_limits"]) or "none"),
         *(
             [("path", f"through {stops} other pose{'s' if stops > 1 else ''}: --json has them")]
@@ -192,6 +212,17 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ),
         ("solved in", f"{result['seconds']:.2g} s, {result['iterations']} linearisations"),
     ]
+
+
+def effort_row(result: Mapping[str, Any]) -> tuple[str, str]:
+    """Return name and text of what the actuators do whose position is commanded: torques and tensions."""
+    if set(result["units"]) == {"rad"}:
+        return "torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"
+    effort = {"rad": "N m", "m": "N"}
+    found = zip(result["names"], result["torques"], result["units"], strict=True)
+    return "efforts", ", ".join(
+        f"{name} {value:.4g} {effort[unit]}" for name, value, unit in found if unit in effort
+    ) or "none"
 
 
 def bar_rows(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:

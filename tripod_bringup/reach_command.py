@@ -35,6 +35,7 @@ def reach_command(
         from tripod_ik.errors import IkError  # noqa: PLC0415 - not needed for the help
         from tripod_ik.model import StaticModel  # noqa: PLC0415
         from tripod_ik.reach import default_range, reach  # noqa: PLC0415
+        from tripod_ik.solvable import not_servos  # noqa: PLC0415
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
         from tripod_sim.scene.file import load_scene, naming_file  # noqa: PLC0415
 
@@ -49,7 +50,10 @@ def reach_command(
             progress_bar("building the model", shown=not quiet and sys.stderr.isatty()) as progress,
         ):
             with naming_file(scene, overrides):
-                model = StaticModel(load_scene(scene, overrides), slide)
+                described = load_scene(scene, overrides)
+                if reason := not_servos(described, "tripod reach"):
+                    raise IkError(reason)
+                model = StaticModel(described, slide)
             least, most = default_range(model)
             least, most = least if low is None else low, most if high is None else high
             if progress:

@@ -23,7 +23,7 @@ def branch(state: LinearState, tasks: Sequence[Task]) -> float:
     |J| is the Frobenius norm, rows have their weights. Zero means that any branch is right.
     """
     found = [rows for task in tasks if task.distances((rows := task.rows(state)).error)]
-    if not found:
+    if not found or state.held:  # a cable that goes slack changes the sign, and is no fold
         return 0.0
     J = np.concatenate([(rows.weights[:, None] * rows.jacobian)[rows.weights > 0] for rows in found])
     n = J.shape[1]

@@ -19,8 +19,8 @@ from tripod_ik.branch import branch, is_beyond
 from tripod_ik.limits import AngleLimit, IntervalLimit, Motion, StepLimit
 from tripod_ik.merit import corrected, hard_limits_passed, merit
 from tripod_ik.model import Saved, StaticModel
-from tripod_ik.problem import IkProblem, build_ik
-from tripod_ik.row_limits import RowLimit
+from tripod_ik.problem import IkProblem, build_ik, seen_turning
+from tripod_ik.row_limits import RowLimit, tension_limits
 from tripod_ik.snap_through import LEAST_MARGIN, SNAP, SnapThroughLimit, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.starts import StartPool
@@ -129,13 +129,16 @@ class InverseSolver:
             progress: Called with the number of programs solved so far and with what the last one found missing [m].
         """
         self.model = model
-        self._angles, self._others, self._row_limits = angles, tuple(limits), tuple(row_limits)
+        self._angles, self._further, self._row_limits = angles, tuple(limits), tuple(row_limits)
         self._tolerance, self._accuracy = tolerance, accuracy
         self._max_iterations, self._any_branch = max_iterations, any_branch
         stability_margin = _home_stability_margin(model)
         self._snapping = stability_margin >= AMPLE_MARGIN and not smooth
+        self._turning = 0.0
+        self._pooled = not model.state().held
         self._kept_to = (
             *self._row_limits,
+            *tension_limits(model.state()),
             SnapThroughLimit(min(LEAST_MARGIN, stability_margin), share=SHARE),
         )
         n = len(model.angles)
@@ -156,13 +159,13 @@ class InverseSolver:
         Args:
             tasks: What to do.
             time_limit: After which no further iteration begins [s].
-            everywhere: Whether to look further where a limit is active.
+            everywhere: Whether to look further where a limit is active; of servos alone.
         """
         end = time.perf_counter() + time_limit
         self._count = 0
         side = branch(self.model.state(), tasks)
         found = self._from_home(tasks, side, end, time_limit)
-        if not everywhere or not self._may_be_elsewhere(tasks, found):
+        if not (everywhere and self._pooled) or not self._may_be_elsewhere(tasks, found):
             return found
         best, here = found, self.model.save()
         count = found.iterations
@@ -255,10 +258,11 @@ class InverseSolver:
                 tasks,
                 [
                     self._angles,
-                    *self._others,
+                    *self._further,
                     StepLimit(min(longest, longest_step(state))),
                 ],
                 self._kept_to,
+                turning=self._turning,
             )
             result = self._solver.solve(problem)
             missing.append(result.error)
@@ -287,6 +291,7 @@ class InverseSolver:
             else:
                 better = self._advance(problem, result, side)
                 if better:
+                    self._turning = max(self._turning / 2, seen_turning(state, better))
                     self.trail.append((self.model.save(), better))
                 longest = min(2 * longest, LONGEST_STEP) if better else min(longest, step) / 4
                 state = better or state
@@ -328,7 +333,7 @@ class InverseSolver:
     def _starts(self, tasks: Sequence[Task], side: float, end: float) -> Iterator[Saved]:
         """Yield poses to begin at: where the target is met without row limits, then the most promising of the pool."""
         start = self.model.save()
-        free = InverseSolver(self.model, self._angles, self._others, any_branch=self._any_branch)
+        free = InverseSolver(self.model, self._angles, self._further, any_branch=self._any_branch)
         free._descend(tasks, side, end, np.inf)
         yield self.model.save()
         self.model.restore(start)

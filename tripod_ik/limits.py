@@ -132,16 +132,17 @@ class CommandBox:
 
 def command_box(limits: Sequence[IntervalLimit], motion: Motion) -> CommandBox:
     """Return the commands that keep to `limits`, the first of them first."""
-    names = motion.state.joint_names
+    names, quantities = motion.state.joint_names, motion.state.quantities
     low, high = [-inf] * len(names), [inf] * len(names)
     low_names, high_names = [""] * len(names), [""] * len(names)
     for limit in limits:
         asked = (side.tolist() for side in limit.interval(motion))
         for i, (name, *sides) in enumerate(zip(names, *asked, strict=True)):
             new_low, new_high = (min(max(side, low[i]), high[i]) for side in sides)
+            kind = quantities[i] if isinstance(limit, AngleLimit) else limit.kind
             if new_low > low[i]:
-                low_names[i] = f"{name} {limit.kind}{limit.sides[0]}"
+                low_names[i] = f"{name} {kind}{limit.sides[0]}"
             if new_high < high[i]:
-                high_names[i] = f"{name} {limit.kind}{limit.sides[1]}"
+                high_names[i] = f"{name} {kind}{limit.sides[1]}"
             low[i], high[i] = new_low, new_high
     return CommandBox(np.array(low), np.array(high), tuple(low_names), tuple(high_names))

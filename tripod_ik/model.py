@@ -21,6 +21,7 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
+from tripod_sim.tables.joints import Joints
 from tripod_sim.tables.short_forms import joints_of
 
 Saved = tuple[tuple[State, FloatArray], LinearState | None, Image]
@@ -85,8 +86,18 @@ def softest_between(before: LinearState, after: LinearState) -> float:
     return float(np.sign(least) * np.sqrt(abs(least)))
 
 
-def linear_state(c: Compliance) -> LinearState:
-    """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used."""
+def linear_state(c: Compliance, joints: Joints | None = None) -> LinearState:
+    """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used.
+
+    `joints`: those of its scene, where some of them may be no servos. No stability margin is known of these.
+    """
+    if joints and joints.others:
+        spans, turn = joints.spans, np.append(np.ones(6), 1.0 / joints.spans)
+        return LinearState(
+            tuple(a.name for a in joints.actuators), c.angles / spans, c.efforts * spans, c.position, c.quaternion,
+            c.equilibrium_offset, c.w * np.outer(turn, turn), actuators=joints.actuators,
+            held=(c.jacobian * spans, c.stiffness * np.outer(spans, spans)),
+        )  # fmt: skip
     soft = c.stability_margin
     return LinearState(
         servo_names(len(c.angles)), c.angles, c.efforts, c.position, c.quaternion, c.equilibrium_offset, c.w,
@@ -105,7 +116,11 @@ def home_angles(count: int, slide: float) -> FloatArray:
 class StaticModel:
     """A robot at rest: each set of angles has an equilibrium, reached along the way from the one before.
 
+    Its commands are those of `state`: angles, and spans of other actuators. With these no stability margin is known,
+    and moves are not followed along the equilibria.
+
     Attributes:
+        spans: Commands in SI over those of the model, shape (s,).
         simulation: Of the scene without what moves by itself: inertia, damping, servo dynamics, ball, other bodies.
         slide: Inward shift of the servo bodies [m].
         scene: What it was built from.
@@ -115,8 +130,10 @@ class StaticModel:
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
         """Build the model and bring it to `angles` [rad], shape (s,).
 
-        None means the pose of that slide, see `home_angles`; of a robot that begins with that slide, or does not slide,
-        the pose in which it begins where the body is firmer there.
+        None means the pose of that slide, see `home_angles`, or with other actuators that of the start; of a robot that
+        begins with that slide, or does not slide, the pose in which it begins where the body is firmer there.
+
+        A slide is one of servos: without any that slide it does not count.
 
         Raises:
             IkError: the scene has no servos or no effector, or the pose is out of its limits.
@@ -127,13 +144,21 @@ class StaticModel:
         if reason or not joints:
             raise IkError(reason)
         count = joints.count
-        near = np.clip(home_angles(count, slide), joints.low, joints.high)
+        self.spans = joints.spans
+        near = np.clip(
+            joints.start[:-1] / self.spans if joints.others else home_angles(count, slide),
+            joints.low / self.spans,
+            joints.high / self.spans,
+        )
         wanted = near if angles is None else frozen("angles", angles, (count,))
-        for name, angle, arm in zip(servo_names(count), wanted.tolist(), joints.arms, strict=True):
-            if not arm.low <= angle <= arm.high:
+        for a, value in zip(joints.actuators, (wanted * self.spans).tolist(), strict=True):
+            slack = 0.0 if a.unit == "rad" else 1e-9 * (a.high - a.low)
+            if not a.low - slack <= value <= a.high + slack:
                 raise IkError(
-                    f"{name} would start at {angle:g} rad; allowed: {arm.low:g} to {arm.high:g} rad"
+                    f"{a.name} would start at {value:g} {a.unit}; allowed: {a.low:g} to {a.high:g} {a.unit}"
                 )
+        if not joints.slides:
+            slide = joints.slide
         if not 0 <= slide <= joints.slide_max:
             raise IkError(f"slide is {slide:g} m; allowed: 0 to {joints.slide_max:g} m")
         s = scene.solver
@@ -144,7 +169,8 @@ class StaticModel:
         self.slide, self.scene, self.linearisations = slide, scene, 0
         self._state: LinearState | None = None
         self._image = images(count, mirrored=False)[0]
-        start, end = self.simulation.command, np.append(wanted, slide)
+        self._joints = joints
+        start, end = self.simulation.command, np.append(wanted * self.spans, slide)
         slides = slide != joints.slide and joints.slides
         own = None if slides or angles is not None else (self.state().stability_margin, self.save())
         for part in np.linspace(0.0, 1.0, 11)[
@@ -159,7 +185,7 @@ class StaticModel:
     @property
     def angles(self) -> FloatArray:
         """Of the servos [rad], shape (s,), a copy."""
-        return np.asarray(self.simulation.command[:-1][self._image.servos])
+        return np.asarray((self.simulation.command[:-1] / self.spans)[self._image.servos])
 
     def move(self, angles: FloatArray) -> LinearState:
         """Bring the servos to `angles` [rad], shape (s,), and return the state there.
@@ -169,7 +195,7 @@ class StaticModel:
             SceneError: the angles are out of the scene's limits.
             StepError: no equilibrium on the way, or none that has a compliance; the model stays where it was.
         """
-        goal = np.append(self._image.back(self._angles(angles)), self.slide)
+        goal = np.append(self._image.back(self._angles(angles)) * self.spans, self.slide)
         if not np.array_equal(goal, self.simulation.command):
             before = self.simulation.save()
             try:
@@ -210,6 +236,11 @@ class StaticModel:
             SceneError: the angles are out of the scene's limits.
             StepError: the equilibria end on the way: the body would snap. The model stays where it was.
         """
+        if self._joints.others:
+            state = self.move(angles)
+            if passed is not None:
+                passed.append(state)
+            return state
         begin, start, angles = self.save(), self.angles, self._angles(angles)
         whole, done = angles - start, 0.0
         far = float(np.abs(whole).max())
@@ -250,7 +281,7 @@ class StaticModel:
 
     def _linearised(self) -> LinearState:
         self.linearisations += 1
-        return self._image.state(linear_state(self.simulation.compliance()))
+        return self._image.state(linear_state(self.simulation.compliance(), self._joints))
 
     def shown(self, vector: Sequence[float]) -> FloatArray:
         """Return a vector of what is simulated, shape (3,), as the pose has it, which may be an image of that."""
@@ -259,7 +290,7 @@ class StaticModel:
     @property
     def home(self) -> FloatArray:
         """Angles that the model was built at [rad], shape (s,)."""
-        return self._home[0][0].joints[: len(self.simulation.efforts)]
+        return np.asarray(self._home[0][0].joints[: len(self.simulation.efforts)] / self.spans)
 
     def go_home(self) -> LinearState:
         """Return to the pose that the model was built in, without moving there, and return the state."""
@@ -271,8 +302,10 @@ class StaticModel:
         another one.
 
         Where a strip hangs slack the body has two equilibria at the same angles, and which one it is in depends on its
-        way. This one depends on the angles alone.
+        way. This one depends on the angles alone. With other actuators than servos that is not looked for.
         """
+        if self._joints.others:
+            return False
         here, state = self.save(), self.state()
         self.go_home()
         try:
@@ -297,10 +330,14 @@ class StaticModel:
     def symmetries(self) -> list[Image]:
         """Return the images that the robot, at its home and about it, is of itself; the pose itself first.
 
-        They are looked for, not known: servos may be anywhere, and the body need not be the same in all directions.
+        They are looked for, not known: servos may be anywhere, and the body need not be the same in all directions. Of
+        other actuators there are none.
         """
         here, home = self.save(), self.go_home()
         n = len(home.angles)
+        if self._joints.others:
+            self.restore(here)
+            return images(n, mirrored=False)[:1]
         turn = np.resize(ASIDE, n)
         found = [images(n, mirrored=False)[0]]
         for mirrored in (True, False):

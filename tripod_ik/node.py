@@ -54,7 +54,7 @@ from tripod_ik.settings import (
     scene_of,
     tracker_settings,
 )
-from tripod_ik.solvable import nothing_to_solve
+from tripod_ik.solvable import not_servos, nothing_to_solve
 from tripod_ik.state import LinearState
 from tripod_ik.state_sync import StateSync
 from tripod_ik.target import TargetBox
@@ -131,7 +131,7 @@ class IkNode(Node):
 
     def _work(self) -> str:
         """Return what it does, for who has just started it."""
-        reason = nothing_to_solve(self._scene)
+        reason = nothing_to_solve(self._scene) or not_servos(self._scene, "the node of inverse kinematics")
         alone = f"not at all: {reason}" if reason else f"by its own model of scene {self._scene.name}"
         return (
             f"{names.JOINT_TRAJECTORY} follows the {self._tracker.settings.goal} of {names.TARGET_POSE} in mode IK, "
@@ -141,6 +141,8 @@ class IkNode(Node):
     def _build_model(self, angles: FloatArray) -> Any:
         from tripod_ik.model import StaticModel  # noqa: PLC0415 - beside a simulator it is not needed
 
+        if reason := not_servos(self._scene, "the node of inverse kinematics"):
+            raise IkError(reason)
         return StaticModel(self._scene, self._slide, angles)
 
     def _adopt(self, values: Mapping[str, Any]) -> None:

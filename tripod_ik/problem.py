@@ -39,6 +39,10 @@ leaves a choice and bounds the step where the Jacobian is singular. As it acts o
 angles, it moves no solution: a step leaves 1e-4 of the distance, the next 1e-4 of that.
 """
 
+LIGHT = 1e-7
+"""The same with actuators that are no servos: chambers beside each other bend a body a hundred times as easily as they
+stretch it, and what is as stiff as that should converge as well."""
+
 ROW_BOUND = 1e3
 """Bounds of rows farther away than this [rad] are cut: they cannot act, and large numbers disturb OSQP."""
 
@@ -51,6 +55,13 @@ PRICE = 1.0
 """What a radian of the slack of a hard limit costs beside s²/2 [rad]. A cost in proportion to |s| is exact: as long as
 the limit's multiplier stays below √weight · PRICE, there is no slack wherever the limit can be kept.
 """
+
+SEEN = 1e-6
+"""Steps shorter than this [rad] do not tell how the Jacobian turns."""
+
+RANK, FLAT, SLIDE = 1e-4, 1e-6, 0.3
+"""Singular values of the Jacobian that count as none, over its norm; smallest curvature of the energy, over the
+largest; and longest step towards its least [rad]."""
 
 BLIND = 1e-9
 """Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
@@ -99,6 +110,8 @@ def build_ik(
     previous: FloatArray | None = None,
     dt: float = 0.0,
     ahead: float = 0.0,
+    turning: float = 0.0,
+    relax: bool = False,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
@@ -130,6 +143,10 @@ def build_ik(
         ahead: Length |δ| of a step [rad] over which hard limits are to be kept by the robot itself, not only by the
             linear model: they are tightened by curvature |δ|²/2, as far as the command that is held keeps to that.
             Zero where steps are corrected afterwards.
+        turning: How fast the Jacobian was seen to turn [1/rad], see `seen_turning`: in place of the tasks' curvature
+            with actuators that are no servos.
+        relax: Whether actuators that the tasks leave free go towards the least energy, see `least_energy`, in place of
+            staying; of servos alone they stay.
 
     Raises:
         IkError: there is no task, or `previous`, `dt` or `ahead` is not finite, or has the wrong shape or sign.
@@ -137,7 +154,7 @@ def build_ik(
     n = len(state.joint_names)
     if not tasks:
         raise IkError("no task is given, so there is nothing to solve")
-    before = state.angles if previous is None else frozen("previous", previous, (n,))
+    before = _taut(state, state.angles if previous is None else frozen("previous", previous, (n,)))
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     if not 0 <= ahead < np.inf:
@@ -150,16 +167,17 @@ def build_ik(
     Se, SJ = weighted(rows)
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
-    mu = sum(r.curvature * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
+    mu = _damping(rows, state, turning)
+    wish = keep + _free_step(state, SJ, box) if relax and not straight else keep
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]
-    extra = sum(len(r.names) for r in limited)
-    m = n + extra
+    m = n + (extra := sum(len(r.names) for r in limited))
     P, q, A = np.eye(m), np.zeros(m), np.eye(m + extra, m)
     P[:n, :n] = (SJ.T @ SJ + soft) / sigma
-    P.flat[: n * m : m + 1] += mu / sigma + REGULARISATION
-    q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
+    epsilon = LIGHT if state.held else REGULARISATION
+    P.flat[: n * m : m + 1] += mu / sigma + epsilon
+    q[:n] = -SJ.T @ Se / sigma - epsilon * wish
     low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
     low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
@@ -189,8 +207,83 @@ def build_ik(
             low[slack] = -sqrt(limit.weight) * np.maximum(held - high[here], 0.0)
             q[slack] = PRICE * (np.sign(high[slack]) + np.sign(low[slack]))
         first += len(found.names)
-    names = tuple(name for found in limited for name in found.names)
-    return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
+    return IkProblem(
+        P, q, A, low, high, push, state, tuple(tasks), rows, box, hold,
+        tuple(name for found in limited for name in found.names),
+    )  # fmt: skip
+
+
+def _taut(state: LinearState, before: FloatArray) -> FloatArray:
+    """Return commands with slack cables just taut, where the state has them: the pose is the same."""
+    if not state.held:
+        return before
+    slack = np.array([not a.is_effort and a.unit == "m" for a in state.actuators]) & (state.efforts <= 0)
+    return np.where(slack, np.maximum(before, state.angles), before)
+
+
+def _free_step(state: LinearState, SJ: FloatArray, box: CommandBox) -> FloatArray:
+    """Return the step to the least energy, shape (n,); none for servos alone."""
+    if not state.held:
+        return np.zeros(len(state.angles))
+    return least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
+
+
+def _damping(rows: Sequence[TaskRows], state: LinearState, turning: float) -> float:
+    """Return μ, see `build_ik`."""
+    return sum(_curvature(r, state, turning) * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
+
+
+def _curvature(rows: TaskRows, state: LinearState, turning: float) -> float:
+    """Return how fast the Jacobian of a task turns [unit/rad²]: what is known of the Tripod, else what was seen."""
+    if not state.held or not rows.curvature:
+        return rows.curvature
+    return turning * float(np.linalg.norm(rows.jacobian))
+
+
+def seen_turning(before: LinearState, after: LinearState) -> float:
+    """Return how fast the Jacobian turned from one state to another, over its norm [1/rad]; 0 for servos alone."""
+    step = float(np.linalg.norm(after.angles - before.angles))
+    if not after.held or step < SEEN:
+        return 0.0
+    now = after.jacobian[:3]
+    return float(np.linalg.norm(now - before.jacobian[:3])) / (step * max(float(np.linalg.norm(now)), 1e-18))
+
+
+def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the step, shape (n,), that makes the stored energy U least without moving what the tasks ask.
+
+    With actuators P whose position is commanded and F whose effort is, U = Φ - Σ_F q dV/dq, and at rest
+
+        ∂U/∂q_i = [i in P] tau_i - Σ_F q_j K_ji,      ∂²U/∂q² ≈ [K_PP, 0; 0, -K_FF].
+
+    It is the Newton step in the null space of S J, of the joints that are not at an end of `low` to `high`, shape (n,)
+    each, which it would pass. So the pose that is reached is the same to first order; no weights are needed, since all
+    is energy.
+    """
+    n = len(state.angles)
+    effort = np.array([a.is_effort for a in state.actuators])
+    K, free = state.stiffness, np.ones(n, dtype=bool)
+    slope = np.where(effort, 0.0, state.efforts) - (effort * state.angles) @ K
+    H = np.where(effort[:, None] == effort, np.where(effort, -K, K), 0.0)
+    out = np.zeros(n)
+    for _ in range(n):
+        out[:] = 0.0
+        _, sizes, V = np.linalg.svd(SJ[:, free], full_matrices=True)
+        N = V[int((sizes > RANK * max(float(np.linalg.norm(SJ)), 1e-18)).sum()) :].T
+        if not N.shape[1]:
+            break
+        values, vectors = np.linalg.eigh(N.T @ H[np.ix_(free, free)] @ N)
+        largest = max(float(np.abs(H).max()), 1e-18)
+        along = vectors.T @ (N.T @ slope[free]) / np.maximum(np.abs(values), FLAT * largest)
+        step = -N @ (vectors @ along)
+        out[free] = step * min(1.0, SLIDE / max(float(np.linalg.norm(step)), 1e-18))
+        stuck = free & (((out < 0) & (low >= 0)) | ((out > 0) & (high <= 0)))
+        if not stuck.any():
+            break
+        free &= ~stuck
+        if not free.any():
+            return np.zeros(n)
+    return out
 
 
 def softening(state: LinearState, SJ: FloatArray, Se: FloatArray) -> FloatArray:

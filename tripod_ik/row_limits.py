@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_ik.arrays import frozen, per_joint
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 
@@ -87,7 +87,7 @@ class RowLimit(ABC):
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimit(RowLimit):
-    """Torques |tau + K δ| stay below `maximum` [N m], one number or one a servo.
+    """Torques |tau + K δ| stay below `maximum` [N m], one number or one a joint, infinite where there is no limit.
 
     Soft by default: the torque comes from a model, and it may already be too large when the limit is set.
     """
@@ -97,7 +97,7 @@ class TorqueLimit(RowLimit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.all(np.greater(self.maximum, 0)) and np.all(np.isfinite(self.maximum))):
+        if not (np.all(np.greater(self.maximum, 0)) and np.any(np.isfinite(self.maximum))):
             raise IkError(f"torque limit is {self.maximum} N m; it must be positive and finite")
 
     @property
@@ -116,9 +116,50 @@ class TorqueLimit(RowLimit):
 
     def rows(self, state: LinearState) -> LimitRows:
         """Return -maximum - tau ≤ K δ ≤ maximum - tau [N m]."""
-        maximum = per_joint("torque limit", self.maximum, len(state.angles))
-        names = tuple(f"{name} torque" for name in state.joint_names)
+        maximum = np.broadcast_to(np.asarray(self.maximum, dtype=float), state.angles.shape)
+        names = tuple(
+            f"{name} {what}" for name, what in zip(state.joint_names, state.effort_quantities, strict=True)
+        )
         return LimitRows(state.stiffness, -maximum - state.efforts, maximum - state.efforts, names)
+
+
+@dataclass(frozen=True, eq=False)
+class TensionLimit(RowLimit):
+    """Tensions of cables that are commanded by length do not become negative: tau + K δ ≥ 0.
+
+    A slack cable is linearised as if it were just taut (`tripod_sim.compliance`); this row lets it go slack again.
+
+    Attributes:
+        cables: Their numbers among the joints, shape (c,).
+    """
+
+    cables: tuple[int, ...]
+    hard: bool = field(default=True, kw_only=True)
+
+    @property
+    def what(self) -> str:
+        """What it limits."""
+        return "slack"
+
+    def size(self, n: int) -> int:
+        """Return c."""
+        return len(self.cables)
+
+    def needs(self, state: LinearState) -> str:
+        """Return what cannot be."""
+        return "a cable that pushes"
+
+    def rows(self, state: LinearState) -> LimitRows:
+        """Return -tau ≤ K δ [N m]."""
+        rows = list(self.cables)
+        names = tuple(f"{state.joint_names[i]} slack" for i in rows)
+        return LimitRows(state.stiffness[rows], -state.efforts[rows], np.full(len(rows), 1e9), names)
+
+
+def tension_limits(state: LinearState) -> tuple[TensionLimit, ...]:
+    """Return the limit that the cables of a robot need, if it has any that are commanded by length."""
+    cables = tuple(i for i, a in enumerate(state.actuators) if a.unit == "m" and not a.is_effort)
+    return (TensionLimit(cables),) if cables else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ and node have the same answer from the same start within the same limits.
 
 import time as clock
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from enum import StrEnum
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
+from tripod_ik.errors import IkError
 from tripod_ik.joint_path import NO_PATH, JointPath, why_closest
 from tripod_ik.mesh_error import mesh_of
 from tripod_ik.model import StaticModel
@@ -27,7 +29,8 @@ from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.tables.fields import other_unit
-from tripod_sim.tables.short_forms import joints_of
+from tripod_sim.tables.joints import Joints
+from tripod_sim.tables.short_forms import effector_of, joints_of
 
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
@@ -40,6 +43,10 @@ GAINED, RESTS = 1e-9, 10
 
 SHORTEST = 1e-4
 """Part of the way to a command [rad] below which the end of the equilibria is not looked for more closely."""
+
+
+PARTS = (1.0, 0.3, 0.1, 0.03)
+"""Parts of a command that are tried one after another."""
 
 
 class Outcome(StrEnum):
@@ -67,14 +74,17 @@ def solve_once(
 ) -> dict[str, Any]:
     """Return angles, torques and what is missing for a target.
 
+    Where the scene has cables, chambers or forces, no search over other poses helps on where no step comes closer, and
+    actuators that the goal leaves free take the least energy, see `problem.least_energy`.
+
     Args:
-        scene: Of the robot; solved without inertia. Its servos' angles are the limits.
+        scene: Of the robot; solved without inertia. The ranges of its actuators are the limits.
         target: x, y, z of the effector at rest [m] in `world`.
         tilt: Roll and pitch [rad], where the goal has a tilt.
         goal: What of both is asked for.
         slide: Inward shift of the servo bodies [m].
-        start: Angles [rad] from which the robot moves; None: see `StaticModel`.
-        torque_max: Largest torque [N m]; infinite for no limit.
+        start: Commands [rad, m, N, Pa] from which the robot moves; None: see `StaticModel`.
+        torque_max: Largest torque of servos [N m]; infinite for no limit. Tensions keep to `tension_max` of the cables.
         hard: Whether torques and box are hard limits.
         box: Smallest and largest corner of where the effector may be [m], or None.
         tolerance: What may be missing where the target counts as reached [m].
@@ -82,7 +92,8 @@ def solve_once(
             last with those of the answer.
 
     Returns:
-        outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
+        outcome and reason (words), reached (bool), names and units of the joints, angles (commands) [rad, m, N, Pa],
+        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; None of a point or a set],
         error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
         with unit), active_limits, kkt [rad], iterations (linearisations), seconds, path (angles [rad] through which
         the servos go, each straight from the one before).
@@ -95,6 +106,14 @@ def solve_once(
     roll, pitch = frozen("tilt", tilt, (2,))
     joints = joints_of(scene)
     begin = None if start is None else frozen("start", start, (joints.count if joints else 0,))
+    effector = effector_of(scene)
+    if goal is not Goal.POSITION and effector and not effector.is_disc:
+        raise IkError(
+            f"goal is {str(goal)!r}, but the effector of scene {scene.name!r} is a point or a set, which has no "
+            "orientation; take goal 'position', or a disc as effector"
+        )
+    if begin is not None and joints:
+        begin = begin / joints.spans
     settings = TrackerSettings(
         goal=goal, torque_max=torque_max, hard=hard, box=box and (tuple(box[0]), tuple(box[1])), tolerance=tolerance
     )  # fmt: skip
@@ -102,7 +121,8 @@ def solve_once(
     if joints is None:  # StaticModel has refused it
         raise StepError("the scene has no servos; add [servos]")
     _check_near(position, model)
-    began = clock.perf_counter()
+    turns = not effector or effector.is_disc
+    began, spans = clock.perf_counter(), joints.spans
     motion = _Motion(model, settings, progress)
     normal = normal_of(float(roll), float(pitch))
     outcome, step = motion.go(position, normal)
@@ -113,20 +133,30 @@ def solve_once(
         "outcome": str(outcome),
         "reason": "" if outcome is Outcome.REACHED else motion.reason,
         "reached": outcome is Outcome.REACHED,
-        "angles": state.angles.tolist(),
-        "torques": state.efforts.tolist(),
+        "names": [a.name for a in joints.actuators],
+        "units": [a.unit for a in joints.actuators],
+        "angles": (state.angles * spans).tolist(),
+        "torques": (state.efforts / spans).tolist(),
         "position": state.equilibrium.tolist(),
-        "roll": found[0],
-        "pitch": found[1],
+        "roll": found[0] if turns else None,
+        "pitch": found[1] if turns else None,
         "error": missed(tasks, state),
         **_mesh_error(model, state.angles),
         "residuals": {n: d for task in tasks for n, d in task.distances(task.rows(state).error).items()},
         "active_limits": [] if outcome is Outcome.REACHED else list(step.result.active_limits),
         "kkt": step.result.kkt,
         "iterations": motion.linearisations,
-        "path": [stop.tolist() for stop in (*motion.path, state.angles)],
+        "path": [(stop * spans).tolist() for stop in (*motion.path, state.angles)],
         "seconds": clock.perf_counter() - began,
     }
+
+
+def effort_limits(joints: Joints, torque_max: float) -> FloatArray | None:
+    """Return the largest effort of each actuator per span [N m], infinite for none; None for servos alone."""
+    if not joints.others:
+        return None
+    limits = [torque_max if a.unit == "rad" else a.effort_max or np.inf for a in joints.actuators]
+    return np.array(limits) * joints.spans
 
 
 def missed(tasks: Sequence[Task], state: LinearState) -> float:
@@ -150,13 +180,22 @@ class _Motion:
         joints = joints_of(model.scene)
         assert joints is not None
         self.model, self._progress, self._settings = model, progress, settings
-        self._tracker = Tracker(settings, guide=self._way)
+        self._tracker = Tracker(settings, guide=None if joints.others else self._way)
         self._tracker.resize(joints.count)
-        self._tracker.narrow(joints.low, joints.high, settings.angle_speed)
+        self._tracker.narrow(
+            joints.low / joints.spans, joints.high / joints.spans, settings.angle_speed,
+            effort_limits(joints, settings.torque_max),
+        )  # fmt: skip
+        self._others = bool(joints.others)
         self._finder: Planner | None = None
         self._least = np.inf
         self.reason = ""
         self.path: list[FloatArray] = []
+
+    @property
+    def _no_search(self) -> str:
+        """Return why other poses are not searched for a better one; empty where they are."""
+        return "; other poses are searched for servos alone" if self._others else ""
 
     @property
     def linearisations(self) -> int:
@@ -181,7 +220,7 @@ class _Motion:
                 self.reason = step.result.status
                 return Outcome.FAILED, step
             try:
-                state = self.model.follow(step.result.command, shortest=SHORTEST)
+                state = self._moved(step.result.command)
             except (StepError, SceneError) as error:
                 self.reason = str(error)
                 return Outcome.CLOSEST, step
@@ -197,8 +236,18 @@ class _Motion:
         else:
             self.reason = f"the robot did not come to rest within {STEPS} commands"
         if outcome is Outcome.CLOSEST:
-            self.reason = why_closest(step.result.active_limits, self.reason)
+            self.reason = why_closest(step.result.active_limits, self.reason) + self._no_search
         return outcome, step
+
+    def _moved(self, command: FloatArray) -> LinearState:
+        """Return the state after a move to `command` [rad], shape (n,); with actuators that are no servos after a part
+        of the way where the whole has no equilibrium. Raises StepError where there is none.
+        """
+        begin = self.model.angles
+        for part in PARTS if self._others else ():
+            with suppress(StepError):
+                return self.model.move(begin + part * (command - begin))
+        return self.model.follow(command, shortest=SHORTEST)
 
     def _tell(self, missing: float) -> None:
         self._least = min(self._least, missing)

@@ -1,4 +1,9 @@
-"""The linearised state of the body: what inverse kinematics knows of the robot."""
+"""The linearised state of the body: what inverse kinematics knows of the robot.
+
+Commands of servos are angles [rad]. Those of other actuators are in *spans*, so that all are of order one: the command
+in SI over `Actuator.span`, which is the range over 1.5. Wherever inverse kinematics says rad of a command, it is a span
+of an actuator that is no servo; its effort is in N m, too: work per span.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,6 +15,7 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix, rotation_matrix
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
+from tripod_sim.tables.joints import Actuator
 
 ASYMMETRY = 1e-6
 """Largest |W - Wᵀ| accepted, relative to the largest entry of W."""
@@ -44,6 +50,8 @@ class LinearState:
         stability_margin: ρ, how far the body is from a snap, see `tripod_sim.stability_margin`; 1 where that is not
             known.
         stability_margin_slope: dρ/dα [1/rad], shape (n,); zero where it is not known; none at all is zero.
+        actuators: The joints as their commands know them, where some are no servos; else none.
+        held: J and K, where W_aa may be singular, so that they cannot be found from it: with such actuators.
     """
 
     joint_names: tuple[str, ...]
@@ -55,6 +63,8 @@ class LinearState:
     W: FloatArray
     stability_margin: float = 1.0
     stability_margin_slope: FloatArray = field(default_factory=lambda: np.zeros(0))
+    actuators: tuple[Actuator, ...] = ()
+    held: tuple[FloatArray, FloatArray] | None = None
 
     def __post_init__(self) -> None:
         names = tuple(self.joint_names)
@@ -75,6 +85,9 @@ class LinearState:
         if not np.isfinite(self.stability_margin):
             raise IkError(f"stability_margin is {self.stability_margin}; it must be finite")
         object.__setattr__(self, "joint_names", names)
+        if self.held:
+            J, K = frozen("J", self.held[0], (6, n)), frozen("K", self.held[1], (n, n))
+            object.__setattr__(self, "held", (J, K))
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
         length = hypot(*self.rotation.tolist())
@@ -83,6 +96,18 @@ class LinearState:
         asymmetry, largest = float(abs(self.W - self.W.T).max()), float(abs(self.W).max())
         if not asymmetry <= ASYMMETRY * largest:
             raise IkError(f"W differs from its transpose by {asymmetry:g}, its largest entry is {largest:g}")
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What is commanded of each joint, in a word, such as "angle"."""
+        return tuple(a.quantity for a in self.actuators) or ("angle",) * len(self.joint_names)
+
+    @property
+    def effort_quantities(self) -> tuple[str, ...]:
+        """What each joint does where a position is commanded, in a word, such as "torque"; else empty."""
+        if not self.actuators:
+            return ("torque",) * len(self.joint_names)
+        return tuple("" if a.is_effort else a.effort_quantity for a in self.actuators)
 
     def as_it_is(self) -> "LinearState":
         """Return the same response, at rest where the effector is at present. All else is shared, not checked again."""
@@ -110,6 +135,8 @@ class LinearState:
         turns the servos; there K is zero, and inverse kinematics leaves it alone. W_aa may be indefinite: at
         fixed angles the body can be stable where it would not be at fixed torques.
         """
+        if self.held:
+            return self.held[1]
         block = self.W[6:, 6:]
         values, vectors = np.linalg.eigh(0.5 * (block + block.T))
         known = values.tolist()
@@ -120,4 +147,6 @@ class LinearState:
     @cached_property
     def jacobian(self) -> FloatArray:
         """W_ea W_aa⁻¹: motion of the resting effector with the angles [m/rad, rad/rad], shape (6, n)."""
+        if self.held:
+            return self.held[0]
         return self.W[:6, 6:] @ self.stiffness

@@ -18,8 +18,8 @@ from tripod_ik.feedback import ModelError
 from tripod_ik.joint_path import PathSource
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.path_follower import PathFollower
-from tripod_ik.problem import IkProblem, build_ik
-from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
+from tripod_ik.problem import IkProblem, build_ik, seen_turning
+from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit, tension_limits
 from tripod_ik.smoothing import Smoothing
 from tripod_ik.snap_through import (
     LEAST_MARGIN,
@@ -148,21 +148,34 @@ class Tracker:
             SpeedLimit(settings.angle_speed),
         )
         self._limited = bool(np.isfinite(settings.torque_max))
-        self._servos = 0
+        self._servos, self._cables = 0, 0
+        self._torque_max: FloatArray | float = settings.torque_max
         self._motion = TargetMotion(settings.lead)
         self._target: FloatArray | None = None
         self.start()
 
-    def resize(self, n: int) -> None:
-        """Prepare for `n` servos, from the start where it had others; `update` does it where their number changes."""
+    def resize(self, n: int, cables: int = 0) -> None:
+        """Prepare for `n` joints, from the start where it had others; `update` does it where their number changes.
+
+        `cables`: how many of them are cables that are commanded by length.
+        """
         if self._servos:
             self.start()
-        self._servos = n
-        self._solver = IkSolver(n, rows=1 + (n if self._limited else 0) + (3 if self.settings.box else 0))
+        self._servos, self._cables = n, cables
+        rows = 1 + (n if self._limited else 0) + (3 if self.settings.box else 0) + cables
+        self._solver = IkSolver(n, rows=rows)
 
-    def narrow(self, low: FloatArray, high: FloatArray, speed: float) -> None:
-        """Keep to angles from `low` to `high` [rad], shape (n,), and to `speed` [rad/s] from now on."""
+    def narrow(
+        self, low: FloatArray, high: FloatArray, speed: float, torque_max: FloatArray | None = None
+    ) -> None:
+        """Keep to angles from `low` to `high` [rad], to `speed` [rad/s] and, where given, to torques up to `torque_max`
+        [N m], infinite for none, from now on; arrays of shape (n,).
+        """
         self._limits = AngleLimit(low, high), SpeedLimit(speed)
+        if torque_max is not None:
+            self._torque_max, self._limited = torque_max, bool(np.isfinite(torque_max).any())
+            if self._servos:
+                self.resize(self._servos, self._cables)
 
     def adopt(self, settings: TrackerSettings) -> None:
         """Take other weights, tolerance, lever, lead, step and effector_speed from now on; the rest is as before."""
@@ -174,7 +187,7 @@ class Tracker:
         s = self.settings
         limits: list[RowLimit] = []
         if self._limited:
-            limits.append(TorqueLimit(s.torque_max, hard=s.hard))
+            limits.append(TorqueLimit(self._torque_max, hard=s.hard))
         if s.box is not None:
             limits.append(EffectorBox(*(np.array(side) for side in s.box), hard=s.hard))
         return self._limits[0], limits
@@ -225,14 +238,15 @@ class Tracker:
         self._swing = 0.0
         self._smoothing = Smoothing()
         self._plan = False, False
+        self._seen: LinearState | None = None
+        self._turning = 0.0
         self._guidance.reset()
         if self.correction:
             self.correction.reset()
 
     def update(self, state: LinearState, now: float) -> TrackerStep:
         """Return the next command for `state`, received at `now` [s] of the caller's steady clock."""
-        if len(state.angles) != self._servos:
-            self.resize(len(state.angles))
+        tension = self._fit(state)
         dt = 0.0 if self._previous is None else min(max(0.0, now - self._time), LONGEST_DT)
         if self._kept is None:
             self._kept = np.concatenate([state.equilibrium, state.equilibrium_rotation[:, 2]])
@@ -253,7 +267,7 @@ class Tracker:
         free = beyond or led is not None
         step = self.settings.step if free else min(self._trust, longest_step(state))
         limits = (self._limits[0], StepLimit(step), self._limits[1])
-        row_limits = self._row_limits(state, dt, firm, led=led is not None)
+        row_limits = [*self._row_limits(state, dt, firm, led=led is not None), *tension]
         result = self._solved(state, tasks, limits, row_limits, dt)
         if self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = tuple(name for name in result.active_limits if not name.endswith(" step"))
@@ -285,6 +299,17 @@ class Tracker:
             activity = Activity.TRACKING
         left = result.residuals.get(TILT, 0.0)
         return TrackerStep(activity, wanted[:3], error, tilt, left, result, waits)
+
+    def _fit(self, state: LinearState) -> tuple[RowLimit, ...]:
+        """Resize to the joints of `state`, see how the Jacobian turned, and return the limits of tensions."""
+        tension, n = tension_limits(state), len(state.angles)
+        cables = sum(limit.size(n) for limit in tension)
+        if (n, cables) != (self._servos, self._cables):
+            self.resize(n, cables)
+        if state.held:
+            self._turning = max(self._turning / 2, seen_turning(self._seen or state, state))
+            self._seen = state
+        return tension
 
     def _wanted(self, now: float, more: float) -> FloatArray:
         """Return position [m] and normal that are followed, shape (6,); `more`: of the lead [s]."""
@@ -332,13 +357,31 @@ class Tracker:
         dt: float,
     ) -> IkResult:
         """Return the result of a step that is not too fast for the effector and keeps off hard limits."""
-        problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
+        problem = build_ik(
+            state,
+            tasks,
+            limits,
+            row_limits,
+            previous=self._previous,
+            dt=dt,
+            turning=self._turning,
+            relax=True,
+        )
         result = self._solver.solve(problem)
         turn = result.command - problem.hold
         part = hypot(*(state.jacobian[:3] @ turn).tolist()) / max(self.settings.effector_speed * dt, 1e-12)
         if part > 1 + 1e-6 and dt > 0 and result.ok:
             limits = (*limits, SpeedLimit(float(np.abs(turn).max()) / (part * dt)))
-            problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
+            problem = build_ik(
+                state,
+                tasks,
+                limits,
+                row_limits,
+                previous=self._previous,
+                dt=dt,
+                turning=self._turning,
+                relax=True,
+            )
             result = self._solver.solve(problem)
         if self.settings.hard and result.ok:
             result = self._off_the_limits(problem, limits, row_limits, dt, result)
@@ -363,7 +406,7 @@ class Tracker:
                 break
             within = build_ik(
                 state, problem.tasks, (*limits, StepLimit(longest)), row_limits,
-                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest,
+                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest, turning=self._turning, relax=True,
             )  # fmt: skip
             shorter = self._solver.solve(within)
             names = (name for name in shorter.active_limits if not name.endswith(" step"))
@@ -440,7 +483,7 @@ class Tracker:
         return limits
 
     def _torque_ceiling(self, state: LinearState) -> FloatArray:
-        found, maximum = np.abs(state.efforts), self.settings.torque_max
+        found, maximum = np.abs(state.efforts), self._torque_max
         self._torque = np.where(found <= maximum, maximum, found if self._torque is None else self._torque)
         return self._torque
 

@@ -18,7 +18,7 @@ from tripod_ik.tasks import PositionTask, Task, orientation_tasks
 from tripod_play.errors import PlayError
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_sim.scene import Scene
-from tripod_sim.tables.short_forms import joints_of
+from tripod_sim.tables.short_forms import effector_of, joints_of
 
 FINEST = 0.02
 """Largest change of the tilt between two solved points [rad]; longer stretches are divided."""
@@ -53,7 +53,7 @@ class ServoPath:
 
     Attributes:
         times: Rising from 0 [s], shape (n,).
-        angles: [rad], shape (n, s).
+        angles: Commands [rad, m, N, Pa], shape (n, s).
         file_times: Time of the file at each point [s], shape (n,).
         limits: Where the path was slowed down, or is out of reach.
     """
@@ -76,21 +76,29 @@ def servo_path(
     Args:
         scene: Of the robot; its servos' start is where the path begins.
         points: The path.
-        speed: Of the servos that is counted on [rad/s].
+        speed: Of the servos that is counted on [rad/s]; of other actuators in spans, see `tripod_ik.state`.
         progress: Called with the finished fraction.
 
     Raises:
-        PlayError: the scene has no servos, or inverse kinematics fails at a key point.
+        PlayError: the scene has no actuators, the path is of tilts and the effector has none, or inverse
+            kinematics fails at a key point.
         SceneError, StepError: the model cannot be built.
     """
     servos, why = joints_of(scene), nothing_to_solve(scene)
     if servos is None or why:
         raise PlayError(why)
+    effector = effector_of(scene)
+    if points.kind is Kind.TILT and effector and not effector.is_disc:
+        raise PlayError(
+            f"the path is of tilts, but the effector of scene {scene.name!r} is a point or a set, which has no "
+            "orientation; take a path of positions"
+        )
     if not 0 < speed < np.inf:
         raise PlayError(f"the speed of the servos is {speed} rad/s; it must be above 0")
-    start = servos.start[:-1]
+    spans = servos.spans
+    start = servos.start[:-1] / spans
     model = StaticModel(replace(scene, ball=None), servos.slide, start)
-    solver = InverseSolver(model, AngleLimit(servos.low, servos.high), tolerance=1e-5)
+    solver = InverseSolver(model, AngleLimit(servos.low / spans, servos.high / spans), tolerance=1e-5)
     height = float(model.state().equilibrium[2])
     times, values = _refined(points)
     angles: list[FloatArray] = []
@@ -115,7 +123,8 @@ def servo_path(
         angles.append(model.angles)
         if progress:
             progress((i + 1) / len(times))
-    return _paced(times, np.array(angles), start, speed, limits)
+    paced = _paced(times, np.array(angles), start, speed, limits, [a.name for a in servos.actuators])
+    return replace(paced, angles=paced.angles * spans)
 
 
 def _tasks(kind: Kind, value: FloatArray, height: float) -> Sequence[Task]:
@@ -145,7 +154,12 @@ def _refined(points: KeyPoints) -> tuple[FloatArray, FloatArray]:
 
 
 def _paced(
-    times: FloatArray, angles: FloatArray, start: FloatArray, speed: float, limits: list[Limit]
+    times: FloatArray,
+    angles: FloatArray,
+    start: FloatArray,
+    speed: float,
+    limits: list[Limit],
+    names: Sequence[str],
 ) -> ServoPath:
     """Return the path from the start angles, slowed down where a servo is too slow; neighbouring places are one."""
     if times[0] > 0:
@@ -167,14 +181,14 @@ def _paced(
         first = k
         while k < len(spans) and slow[k]:
             k += 1
-        servo = int(moves[first:k].max(axis=0).argmax())
-        fastest = float((moves[first:k, servo] / spans[first:k]).max())
+        slowest = int(moves[first:k].max(axis=0).argmax())
+        fastest = float((moves[first:k, slowest] / spans[first:k]).max())
         factor = float(needed[first:k].sum() / spans[first:k].sum())
         limits.append(
             Limit(
                 max(float(times[first]), 0.0),
                 float(times[k]),
-                f"slowed {factor:.3g} times: servo_{servo} would need {fastest:.3g} rad/s, it has {speed:g}",
+                f"slowed {factor:.3g} times: {names[slowest]} would need {fastest:.3g} rad/s, it has {speed:g}",
             )
         )
     paced = np.append(0.0, np.cumsum(np.maximum(spans, needed)))

@@ -134,6 +134,7 @@ def _built(model: Model, progress: Progress | None = None, say: Say | None = Non
         solver=model.solver,
         plate=draft.plate,
         ball=draft.ball,
+        observed=draft.observed,
     )
     parts = _watched(model, draft.sets, system, parts)
     if model.doubts or any(isinstance(note, Doubt) for note in parts.notes):

@@ -1,15 +1,19 @@
-"""The compliance of effector and servos, W = H A^-1 H^T.
+"""The compliance of effector and actuators, W = H A^-1 H^T.
 
-A is the static tangent with the servo angles as unknowns. With K the block of the body's unknowns, K_s its
-coupling to the angles and K_ss theirs, and H_e the rows of the effector,
+A is the static tangent with the commands q of the actuators as unknowns: the angles of servos, and see
+`forces.actuator`. With K the block of the body's unknowns, K_s its coupling to the commands and K_ss theirs, tau the
+efforts dV/dq, and H_e the rows of the effector,
 
-    F = H_e K^-1 H_e^T                 d(effector) / dforce, the angles held
-    J = -H_e K^-1 K_s                  d(effector) / dangle
-    S = K_ss - K_s^T K^-1 K_s          dtau / dangle
+    F = H_e K^-1 H_e^T                 d(effector) / dforce, the commands held
+    J = -H_e K^-1 K_s                  d(effector) / dq
+    S = K_ss - K_s^T K^-1 K_s          dtau / dq
     W = [F + J S^-1 J^T, J S^-1; (J S^-1)^T, S^-1]
 
-[Duriez2013], [CoevoetEtAl2017]. What holds the body besides joins in as `Holding`, by the same F, J, S of the few
-unknowns that it has to do with: nothing is factored again.
+[Duriez2013], [CoevoetEtAl2017]. Of a force, a pressure or a tension that is commanded dtau is minus a displacement. S
+is singular where several of them act alike: S^-1 is then the pseudo-inverse, while J and S themselves stay exact. A
+slack cable counts as just taut: J and S are those of pulling it further. An effector that is observed has no rotation;
+its rows are zero. What holds the body besides joins in as `Holding`, by the same F, J, S of the few unknowns that it
+has to do with: nothing is factored again.
 """
 
 from dataclasses import dataclass
@@ -28,8 +32,12 @@ from tripod_sim.system import System
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rest_rows import Rest
     from tripod_sim.rest_state import RestState
+    from tripod_sim.robot.observed import ObservedPoint
     from tripod_sim.stability_margin import SoftestMove, StabilityMargin
 
+
+SINGULAR = 1e-12
+"""Eigenvalues of S, commands over their spans, that count as zero, over the largest."""
 
 ROUNDS = 3
 """Corrections of the state of rest for one compliance, at most, before the last: one is the rule."""
@@ -40,19 +48,24 @@ class Compliance:
     """Linearised static response about one state.
 
     Attributes:
-        w: W, shape (6 + s, 6 + s): effector translation [m] and rotation vector [rad], then servo angles [rad], per
-            force [N] or torque [N m]; symmetric.
-        angles: Of the servos [rad], shape (s,).
+        w: W, shape (6 + s, 6 + s): effector translation [m] and rotation vector [rad], then commands [rad, m, N, Pa],
+            per force [N], torque [N m] or effort; symmetric.
+        jacobian: J, shape (6, s).
+        stiffness: S, shape (s, s).
+        angles: Commands of the actuators [rad, m, N, Pa], shape (s,); of a slack cable that at which it is just taut.
         slide: [m].
-        efforts: Static torque that each servo exerts on the body [N m], shape (s,).
+        efforts: tau, static: the torque that each servo exerts on the body [N m], and see `forces.actuator`, shape
+            (s,).
         position: Of the effector [m], shape (3,).
-        quaternion: Of the effector (x, y, z, w), shape (4,).
+        quaternion: Of the effector (x, y, z, w), shape (4,); that of no rotation where it is observed.
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
             and rotation vector [rad], shape (6,).
         stability_margin: How near it is to a snap; None where that is not known: with contact.
     """
 
     w: FloatArray
+    jacobian: FloatArray
+    stiffness: FloatArray
     angles: FloatArray
     slide: float
     efforts: FloatArray
@@ -68,6 +81,7 @@ def compliance(
     held: "Rest | None" = None,
     rest: "RestState | None" = None,
     softest: "SoftestMove | None" = None,
+    observed: "ObservedPoint | None" = None,
 ) -> Compliance:
     """Return the compliance of `system` at `state`, or where that would rest.
 
@@ -77,36 +91,49 @@ def compliance(
         held: What contact holds; its forces must be among the loads of `system`.
         rest: The state of rest that goes along with `state`: the tangent is that of rest then.
         softest: Tells the stability margin; None where nobody asks for it. With contact it is not told.
+        observed: The effector where it is no disc.
 
     Raises:
         SceneError: the system has no effector.
         StepError: the static tangent is singular there, or conjugate gradients do not solve with it.
     """
-    if not system.groups.rigid:
+    if not (observed or system.groups.rigid):
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
+    with system.taut():
+        return _compliance(system, state, held, rest, softest, observed)
+
+
+def _compliance(
+    system: System,
+    state: State,
+    held: "Rest | None",
+    rest: "RestState | None",
+    softest: "SoftestMove | None",
+    observed: "ObservedPoint | None",
+) -> Compliance:
     s = system.actuators
     at = _factored(system, state, rest)
-    efforts, soft = system.efforts.copy(), None
+    efforts, gaps, soft = system.efforts.copy(), system.gaps, None
     first = 3 * system.reduction.free_count
-    effector = first + np.arange(6)
+    none = np.zeros(0, dtype=np.int64)
     try:
         if held:
             holding = held.holding(system)
-            inside = (holding.unknowns >= first) & (holding.unknowns < first + 6)
-            unknowns = np.concatenate([effector, holding.unknowns[~inside]])
-            free = _response(system, unknowns, _answers(system, unknowns))
+            inside = (holding.unknowns >= first) & (holding.unknowns < first + 6) & (observed is None)
+            unknowns = holding.unknowns[~inside]
+            free = _response(system, unknowns, _answers(system, unknowns, observed), observed)
             where = np.where(inside, holding.unknowns - first, 5 + np.cumsum(~inside))
             answer = held_response(free, holding, where)
         else:
-            answers = _answers(system, effector)
+            answers = _answers(system, none, observed)
             for _ in range(ROUNDS if rest else 0):
                 if not (rest and rest.misses(-answers[:, -1])):
                     break
                 rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
                 at = _factored(system, state, rest)
-                answers = _answers(system, effector)
-            efforts = system.efforts.copy()
-            answer = _response(system, effector, answers)
+                answers = _answers(system, none, observed)
+            efforts, gaps = system.efforts.copy(), system.gaps
+            answer = _response(system, none, answers, observed)
             soft = softest.stability_margin(system, at, answers) if softest else None
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
@@ -117,27 +144,57 @@ def compliance(
         ) from None
     jacobian, stiffness = answer.jacobian[:6], answer.stiffness
     w = np.empty((6 + s, 6 + s))
-    try:
-        inverse = np.linalg.inv(0.5 * (stiffness + stiffness.T))
-    except np.linalg.LinAlgError:
-        raise StepError(
-            f"the compliance is not defined at {state.time:.4g} s: the stiffness of the servos is "
-            "singular; move the robot to another pose"
-        ) from None
+    inverse = _inverse(system, 0.5 * (stiffness + stiffness.T), state)
     w[6:, 6:] = inverse
     w[:6, 6:] = jacobian @ inverse
     w[6:, :6] = w[:6, 6:].T
     w[:6, :6] = answer.flexibility[:6, :6] + w[:6, 6:] @ jacobian.T
     w = 0.5 * (w + w.T)
     fall = answer.fall[:6].copy()
+    position, turn = _pose(state, observed)
     if rest:
         rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
-        fall[:3] = at.centres[0] - state.centres[0]
-        fall[3:] = rotation_vector(at.rotations[0] @ state.rotations[0].T)
+        there, turned = _pose(at, observed)
+        fall[:3] = there - position
+        fall[3:] = rotation_vector(turned @ turn.T)
     return Compliance(
-        w, state.joints[:s].copy(), float(state.joints[s]), efforts, state.centres[0].copy(),
-        quaternion(state.rotations[0]), fall, soft,
-    )  # fmt: skip
+        w,
+        jacobian,
+        stiffness,
+        state.joints[:s] + gaps,
+        float(state.joints[s]),
+        efforts,
+        position,
+        quaternion(turn),
+        fall,
+        soft,
+    )
+
+
+def _pose(state: State, observed: "ObservedPoint | None") -> tuple[FloatArray, FloatArray]:
+    """Return position [m], shape (3,), and rotation matrix of the effector."""
+    if observed:
+        return observed.position(state.positions), np.eye(3)
+    return state.centres[0].copy(), state.rotations[0]
+
+
+def _inverse(system: System, stiffness: FloatArray, state: State) -> FloatArray:
+    """Return S^-1; with actuators that are no servos the pseudo-inverse, commands over their spans.
+
+    Raises:
+        StepError: S of servos is singular.
+    """
+    if system.has_other_actuators:
+        spans = system.spans
+        scaled = np.linalg.pinv(stiffness * np.outer(spans, spans), rcond=SINGULAR, hermitian=True)
+        return np.asarray(scaled * np.outer(spans, spans))
+    try:
+        return np.asarray(np.linalg.inv(stiffness))
+    except np.linalg.LinAlgError:
+        raise StepError(
+            f"the compliance is not defined at {state.time:.4g} s: the stiffness of the servos is "
+            "singular; move the robot to another pose"
+        ) from None
 
 
 def _factored(system: System, state: State, rest: "RestState | None") -> State:
@@ -147,6 +204,7 @@ def _factored(system: System, state: State, rest: "RestState | None") -> State:
         StepError: the static tangent is singular.
     """
     for at in (rest.carried(state), state) if rest else (state,):
+        system.command(at.joints)  # a state that was restored has others than the last step
         for project in (False, True):
             if system.assemble(at, project=project) < 0:
                 break
@@ -163,17 +221,32 @@ def _factored(system: System, state: State, rest: "RestState | None") -> State:
     )
 
 
-def _answers(system: System, unknowns: IndexArray) -> FloatArray:
-    """Return K⁻¹ of unit forces on `unknowns`, shape (z,), of the drive and of the residual. Raises LinearError."""
-    reduction, z, s = system.reduction, len(unknowns), system.actuators
+def _answers(system: System, unknowns: IndexArray, observed: "ObservedPoint | None") -> FloatArray:
+    """Return K⁻¹ of unit forces on the effector (6) and on `unknowns`, shape (z,), of the drive and of the residual.
+
+    Raises LinearError.
+    """
+    reduction, z, s = system.reduction, 6 + len(unknowns), system.actuators
     right = np.zeros((reduction.unknowns, z + s + 1))
-    right[unknowns, np.arange(z)] = 1.0
+    if observed:
+        right[:, :3] = observed.forces(reduction, len(system.rest))[0]
+    else:
+        right[3 * reduction.free_count + np.arange(6), np.arange(6)] = 1.0
+    right[unknowns, np.arange(6, z)] = 1.0
     right[:, z:-1], right[:, -1] = reduction.drive, system.residual
     return system.linear.solve_many(right)
 
 
-def _response(system: System, unknowns: IndexArray, answers: FloatArray) -> Response:
-    """Return how `unknowns`, shape (z,), answer by the factored tangent."""
-    reduction, z = system.reduction, len(unknowns)
-    here, stiffness = answers[unknowns], reduction.drive_drive - reduction.drive.T @ answers[:, z:-1]
+def _response(
+    system: System, unknowns: IndexArray, answers: FloatArray, observed: "ObservedPoint | None"
+) -> Response:
+    """Return how the effector and `unknowns`, shape (z,), answer by the factored tangent."""
+    reduction, z = system.reduction, 6 + len(unknowns)
+    if observed:
+        rows, driven = observed.forces(reduction, len(system.rest))
+        here = np.concatenate([rows.T @ answers, np.zeros((3, answers.shape[1])), answers[unknowns]])
+        here[:3, z : z + len(driven)] -= driven.T  # of nodes that servos hold
+    else:
+        here = answers[np.concatenate([3 * reduction.free_count + np.arange(6), unknowns])]
+    stiffness = reduction.drive_drive - reduction.drive.T @ answers[:, z:-1]
     return Response(here[:, :z], -here[:, z:-1], stiffness, -here[:, -1])

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from tripod_sim.forces.term import Term
 
 
-TURN = 1.5
-"""Turn of a servo that counts as much as the whole range of another actuator [rad]."""
-
 Parts = Any
 """The `tripod_sim.steps.parts.Parts` of a simulation, which name all of physics."""
 
@@ -63,6 +60,7 @@ class Draft:
         damping: b, the viscosity of solids and springs over their stiffness undeformed [s].
         bound: Of the stretch of springs; None without one.
         plate, ball: The maze on the disc, and how its ball moves; None without.
+        observed: The effector where it is no disc (`robot.observed`); None without.
         notes: What users should know of it, one sentence each.
         watches: See `tripod_sim.steps.parts.Parts`.
         prepared: What an effect keeps for a later phase, by its name.
@@ -87,13 +85,14 @@ class Draft:
     bound: "StrainBound | None" = None
     plate: Any = None
     ball: Any = None
+    observed: Any = None
     notes: list[str] = field(default_factory=list)
     watches: list[Callable[[FloatArray], str]] = field(default_factory=list)
     prepared: dict[str, Any] = field(default_factory=dict)
 
     def add_actuator(self, term: "ActuatorTerm", joint: Actuator) -> None:
         """Add a term with a commanded coordinate; of all effects in the order of `Joints.others`."""
-        term.value, term.span = joint.start, (joint.high - joint.low) / TURN
+        term.value, term.span, term.high = joint.start, joint.span, joint.high
         self.terms.append(term)
 
 

@@ -44,7 +44,7 @@ class Model:
         rigid: Rigid bodies, each with its field.
         obstacles: Surfaces that stand still.
         joints: Servos; None without any.
-        discs: Rigid discs, each with its field and its body.
+        effectors: Discs and what is observed, each with its field and its body; the first is the scene's.
         posed: Whether servos hold the first body, which then begins where they bring it.
         platforms, ties, sets, markers: Of the scene.
         effects: Each with its table, in the order of their ranks.
@@ -67,7 +67,7 @@ class Model:
     rigid: tuple[tuple[str, Rigid], ...]
     obstacles: tuple[Obstacle, ...]
     joints: Joints | None
-    discs: tuple[tuple[str, Effector, Body], ...]
+    effectors: tuple[tuple[str, Effector, Body], ...]
     posed: bool
     platforms: tuple[Platform, ...]
     ties: tuple[Tie, ...]
@@ -85,6 +85,11 @@ class Model:
     ball: Ball | None = None
     time_error: TimeError | None = None
     estimate: ErrorEstimate | None = None
+
+    @property
+    def discs(self) -> tuple[tuple[str, Effector, Body], ...]:
+        """Those effectors that are rigid discs."""
+        return tuple(found for found in self.effectors if found[1].is_disc)
 
     @property
     def implicit(self) -> ImplicitScheme:

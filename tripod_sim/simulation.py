@@ -144,7 +144,7 @@ class Simulation:
         self.note(*(parts.plate.board.notes if parts.plate else ()), *parts.notes)
         self.joints = model.joints
         self._begins_at_rest = bool(self.joints and (self.joints.arms or scene.fixed or not model.scheme))
-        posed = self._begins_at_rest or model.platforms or (scene.fixed and model.discs)
+        posed = self._begins_at_rest or model.platforms or (scene.fixed and model.effectors)
         self._static = build_model(model.at_rest(), progress) if model.scheme and posed else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
@@ -302,7 +302,7 @@ class Simulation:
         system = self._system
         if self.scene.solver.mode == "one_solve":  # steps that end so may come late
             system.settle(self.state, np.zeros(system.unknowns), np.zeros_like(system.rest))
-        if system.groups.rigid:
+        if self.effector:
             with suppress(StepError):  # a body that nothing holds may have none: who asks for it is told
                 self.compliance()
         keep.copy_to(self.state)
@@ -511,7 +511,7 @@ class Simulation:
                 for share in (0.25, 0.5, 0.75, 1.0):
                     self.step(start - share * np.append(way, 0.0))
             self.energies()
-            if self._model.discs:
+            if self._model.effectors:
                 self.compliance()
         except StepError:
             pass  # it comes again where it can be told
@@ -647,7 +647,9 @@ class Simulation:
 
     @property
     def effector(self) -> Pose | None:
-        """Pose of the effector disc; None in a scene without one."""
+        """Pose of the effector, with no rotation where that is a point or a set; None in a scene without one."""
+        if observed := self._parts.observed:
+            return Pose(observed.position(self.state.positions), np.array([0.0, 0.0, 0.0, 1.0]))
         if not self._system.groups.rigid:
             return None
         return Pose(self.state.centres[0].copy(), quaternion(self.state.rotations[0]))
@@ -760,7 +762,9 @@ class Simulation:
 
             held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
         elif not self._ball:
-            return compliance(system, self.state, rest=self._rest, softest=self._softest)
+            return compliance(
+                system, self.state, rest=self._rest, softest=self._softest, observed=self._parts.observed
+            )
         from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415 - only where something presses
 
         loads = system.term(NodalLoads)
@@ -774,7 +778,7 @@ class Simulation:
         if held:
             loads.force[:] += held.force
         try:
-            return compliance(system, self.state, held, softest=self._softest)
+            return compliance(system, self.state, held, softest=self._softest, observed=self._parts.observed)
         finally:
             loads.force[:] = before
 

@@ -6,7 +6,8 @@ strain energy, that of dampers in a stage (see `aim`), and whatever terms there 
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeVar
 
 import numpy as np
@@ -223,6 +224,32 @@ class System:
         if self._actuated:
             for term, value in zip(self._actuated, joints[len(self.torques) :], strict=False):
                 term.value = float(value)
+
+    @contextmanager
+    def taut(self) -> Iterator[None]:
+        """Take up the slack of actuators that only pull, for second derivatives: see `forces.actuator`."""
+        for term in self._actuated:
+            term.holds = True
+        try:
+            yield
+        finally:
+            for term in self._actuated:
+                term.holds = False
+
+    @property
+    def has_other_actuators(self) -> bool:
+        """Whether there are actuators that are no servos."""
+        return bool(self._actuated)
+
+    @property
+    def spans(self) -> FloatArray:
+        """By how much commands change where a servo would turn by a radian, shape (actuators,)."""
+        return np.array([1.0] * len(self.torques) + [term.span for term in self._actuated])
+
+    @property
+    def gaps(self) -> FloatArray:
+        """What it takes to take up slack, as of the last `evaluate` within `taut`, shape (actuators,)."""
+        return np.array([0.0] * len(self.torques) + [term.gap for term in self._actuated])
 
     def runaway(self) -> str:
         """Return in words which actuators a failed solve is likely due to, as of the last `evaluate`; empty if none."""

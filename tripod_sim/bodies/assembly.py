@@ -10,6 +10,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.mesh.embedding import Embedding, in_net, in_solid
 from tripod_sim.mesh.solid_mesh import Block, SolidMesh
 from tripod_sim.tables.bodies import Body
 
@@ -57,6 +58,23 @@ class SoftBody:
         assert self.solid
         kinds = [block.kind for block in self.solid.blocks]
         return SolidMesh(nodes, tuple(map(Block, kinds, self.blocks)), notes=self.solid.notes)
+
+    def embedded(self, points: FloatArray, nodes: FloatArray, name: str) -> Embedding:
+        """Return points of the body.
+
+        Args:
+            points: Undeformed, in the frame of the body [m], shape (k, 3).
+            nodes: Undeformed positions of the nodes of all bodies [m], shape (n, 3).
+            name: Of the points, for messages.
+
+        Raises:
+            SceneError: a point is outside of the body.
+        """
+        position, turn = self.table.pose
+        places = points @ turn.T + position
+        if self.solid:
+            return in_solid(places, self.among(nodes), name=name)
+        return in_net(places, nodes, self.nodes, name=name)
 
     def moved(self, nodes: FloatArray) -> "SoftBody":
         """Return it with the places of its nodes taken from those of all bodies [m], shape (n, 3)."""

@@ -48,7 +48,7 @@ def hold(tables: tuple[Cable, ...], draft: Draft) -> None:
 
 def _points(field: str, via: Via, draft: Draft) -> "Embedding":
     """Return the points of one body. Raises SceneError."""
-    from tripod_sim.mesh.embedding import in_net, in_solid, in_world
+    from tripod_sim.mesh.embedding import in_world
     from tripod_sim.mesh.lines import read_points
 
     name = f"{field}.{'source' if via.source else 'points'}"
@@ -57,11 +57,8 @@ def _points(field: str, via: Via, draft: Draft) -> "Embedding":
     if via.body == WORLD:
         return in_world(points)
     body = draft.assembly.body_named(via.body, f"{field}.body", f"points that never move: {WORLD}")
-    position, turn = body.table.pose
-    places = points @ turn.T + position
-    if body.solid:
-        return in_solid(places, body.among(draft.rest), name=name)
-    return in_net(places, draft.rest, body.nodes, name=name)
+    found: Embedding = body.embedded(points, draft.rest, name)
+    return found
 
 
 def act(tables: tuple[Cable, ...], draft: Draft) -> None:

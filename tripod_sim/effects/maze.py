@@ -1,7 +1,9 @@
 """Effect: a plate with walls on the effector disc."""
 
-from tripod_sim.effect import Draft, Effect, Need
+from tripod_sim.effect import Described, Draft, Effect, Need
+from tripod_sim.errors import SceneError
 from tripod_sim.tables.maze import Maze
+from tripod_sim.tables.short_forms import discs_of
 
 
 def extend(maze: Maze, draft: Draft) -> None:
@@ -10,6 +12,15 @@ def extend(maze: Maze, draft: Draft) -> None:
 
     radius = draft.model.ball.radius if draft.model.ball else 0.0
     draft.rest, draft.groups, draft.plate = fasten(draft.rest, draft.groups, maze, radius)
+
+
+def check(_: Maze, scene: Described) -> None:
+    """Raise SceneError where the effector is no disc."""
+    if not discs_of(scene):
+        raise SceneError(
+            "the plate of maze is fastened to a disc, but effector is a point or a set, which holds nothing: leave "
+            "effector.point and effector.set out"
+        )
 
 
 def weigh(maze: Maze, draft: Draft) -> None:
@@ -22,6 +33,7 @@ EFFECT = Effect(
     Maze,
     rank=130,
     needs=(Need("effector", "the plate is fastened to the disc; add [effector]"),),
+    check=check,
     modules=("maze",),
     extend=extend,
     weigh=weigh,

@@ -30,6 +30,10 @@ SLIP = 2.4e-3
 def check(table: MeshError, scene: Described) -> None:
     """Raise SceneError if the error is asked for where nothing tells it."""
     bodies, discs = soft_bodies(scene), discs_of(scene)
+    if not discs:
+        raise SceneError(
+            "mesh_error estimates the error of a disc, but effector is a point or a set; leave one of both out"
+        )
     if not bodies[0].material or discs[0][2].name != bodies[0].name:
         raise SceneError(
             "mesh_error estimates the first body, with strips in the clamp; the effector is "

@@ -5,6 +5,8 @@ tension [N], the pressure of a chamber [Pa] or a force [N]. What the actuator gi
 pulled length the tension [N], of a pressure less the volume [m³].
 """
 
+import math
+
 from tripod_host.arrays import FloatArray
 from tripod_sim.forces.term import BlockTerm
 
@@ -17,10 +19,15 @@ class ActuatorTerm(BlockTerm):
         effort: dV/dq at the last `add_gradient`.
         effort_slope: d²V/dq² there.
         span: By how much q changes where a servo would turn by a radian: larger changes are divided in statics.
+        high: Largest q.
+        holds: Whether the second derivatives of an actuator that only pulls, and is slack, are those of when it is just
+            taut, as far as `high` allows that.
+        gap: By how much q then has to grow until it is; else 0.
     """
 
-    value = effort = effort_slope = 0.0
-    span = 1.0
+    value = effort = effort_slope = gap = 0.0
+    span, high = 1.0, math.inf
+    holds = False
 
     def add_coupling(self, x: FloatArray, out: FloatArray) -> None:
         """Add d²V/dx dq at positions `x` [m] to `out`, both of shape (n, 3)."""

@@ -112,9 +112,12 @@ class Cable(ActuatorTerm):
         if self._by_tension:
             self.tension, self.effort, self.effort_slope = max(0.0, self.value), stretch, 0.0
             return self.tension * stretch
-        stretch = max(0.0, stretch + self.value)
+        slack = -(stretch + self.value)
+        stretch = max(0.0, -slack)
+        taken_up = self.holds and 0.0 <= slack <= self.high - self.value
+        self.gap = slack if taken_up else 0.0
         self.tension = self.effort = self._stiffness * stretch
-        self.effort_slope = self._stiffness if stretch > 0.0 else 0.0
+        self.effort_slope = self._stiffness if stretch > 0.0 or taken_up else 0.0
         return 0.5 * self.tension * stretch
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:

@@ -53,6 +53,11 @@ def in_world(points: FloatArray) -> Embedding:
     return Embedding(none.astype(np.int64), none, np.array(points, dtype=float))
 
 
+def at_nodes(nodes: IndexArray) -> Embedding:
+    """Return points that are nodes, given by their numbers, shape (k,)."""
+    return Embedding(nodes[:, None], np.ones((len(nodes), 1)), np.zeros((len(nodes), 3)))
+
+
 def joined(parts: Sequence[Embedding]) -> Embedding:
     """Return the points of all `parts`, one after another."""
     most = max(part.nodes.shape[1] for part in parts)
@@ -93,7 +98,7 @@ def in_net(
                 f"{name} {p} at {_place(points[p])} is {distance:.3g} m from the nearest node of the springs, which "
                 f"have no inside; move it to that node, at {_place(nodes[own[k]])}"
             )
-    return Embedding(own[nearest][:, None], np.ones((len(points), 1)), np.zeros((len(points), 3)))
+    return at_nodes(own[nearest])
 
 
 def in_solid(

@@ -67,7 +67,7 @@ def alone(model: Model, mesh: Mesh) -> Model:
             effects.append((effect, own))
     joints = model.joints.of_body(body.name) if model.joints else None
     discs = tuple(disc for disc in model.discs if disc[2].name == body.name)
-    return replace(found, sets=sets, effects=tuple(effects), joints=joints, discs=discs)
+    return replace(found, sets=sets, effects=tuple(effects), joints=joints, effectors=discs)
 
 
 class ExternalLoads:

@@ -4,7 +4,14 @@ from tripod_sim.effects import EFFECTS, has, table_of
 from tripod_sim.model import Model
 from tripod_sim.scene.scene import Scene
 from tripod_sim.tables.fields import unusual
-from tripod_sim.tables.short_forms import discs_of, field_of, joints_of, rigids_of, servo_tables, soft_bodies
+from tripod_sim.tables.short_forms import (
+    effectors_of,
+    field_of,
+    joints_of,
+    rigids_of,
+    servo_tables,
+    soft_bodies,
+)
 
 
 def lowered(scene: Scene) -> Model:
@@ -18,7 +25,7 @@ def lowered(scene: Scene) -> Model:
         rigid=tuple(rigids_of(scene)),
         obstacles=scene.obstacles,
         joints=joints_of(scene),
-        discs=tuple(discs_of(scene)),
+        effectors=tuple(effectors_of(scene)),
         posed=any(body.name == bodies[0].name for _, _, body in servo_tables(scene)),
         platforms=scene.platform,
         ties=scene.tie,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.mesh.solid_mesh import SolidMesh
+    from tripod_sim.robot.observed import ObservedPoint
     from tripod_sim.robot.servo import ServoMotion
     from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.body import SpringBody
@@ -54,6 +55,7 @@ class Parts:
         skin: What shows a body that has no surface of its own.
         plate: The maze on the disc; None without one.
         ball: How the ball in the maze moves; None without one.
+        observed: The effector where it is no disc; None without.
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
         doubling: Finds that error by steps of half the length; None where nobody asks, or `errors` does.
         chosen: Chooses the steps by what they err over their way, those of the ball among them; None: nothing does.
@@ -75,6 +77,7 @@ class Parts:
     skin: "ChainSkin | AssemblySkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
     ball: "MazeBall | None" = None
+    observed: "ObservedPoint | None" = None
     errors: "ErrorTransport | AutomaticSprings | None" = None
     doubling: "Remembers[TwinState] | None" = None
     chosen: "Chooses | None" = None

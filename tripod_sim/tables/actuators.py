@@ -66,7 +66,10 @@ class Cable:
     def actuator(self) -> Actuator:
         """Return the joint."""
         by_tension = self.command == "tension"
-        return Actuator(self.name, "N" if by_tension else "m", *self.range, self.start, is_effort=by_tension)
+        return Actuator(
+            self.name, "N" if by_tension else "m", *self.range, self.start, by_tension,
+            None if by_tension else self.tension_max,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,10 @@ class Arm:
         return np.column_stack([x, y, np.cross(x, y)])
 
 
+TURN = 1.5
+"""Turns of a servo [rad] to which the whole range of another actuator counts as equal."""
+
+
 @dataclass(frozen=True)
 class Actuator:
     """A joint as its commands know it.
@@ -68,6 +72,7 @@ class Actuator:
         unit: Of the command, SI.
         low, high, start: Of the command: smallest, largest, and at the start.
         is_effort: Whether a force, a pressure or a tension is commanded, not a position.
+        effort_max: Largest effort that it may bear where a position is commanded [N m, N]; None: none is given.
     """
 
     name: str
@@ -76,11 +81,22 @@ class Actuator:
     high: float
     start: float
     is_effort: bool = False
+    effort_max: float | None = None
+
+    @property
+    def span(self) -> float:
+        """By how much the command changes where a servo would turn by a radian."""
+        return 1.0 if self.unit == "rad" else (self.high - self.low) / TURN
 
     @property
     def quantity(self) -> str:
         """What is commanded, in a word."""
         return {"rad": "angle", "m": "length", "N": "force", "Pa": "pressure", "m³": "volume"}[self.unit]
+
+    @property
+    def effort_quantity(self) -> str:
+        """What it does where a position is commanded, in a word."""
+        return {"rad": "torque", "m": "tension"}.get(self.unit, "")
 
     @property
     def position_unit(self) -> str:
@@ -131,6 +147,11 @@ class Joints:
     def high(self) -> FloatArray:
         """Largest commands, shape (count,)."""
         return np.array([a.high for a in self.actuators])
+
+    @cached_property
+    def spans(self) -> FloatArray:
+        """`Actuator.span` of each, shape (count,)."""
+        return np.array([a.span for a in self.actuators])
 
     def moved(self, commands: FloatArray, efforts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return where actuators are and what they do there, q and dV/dq (see `forces.actuator`) sorted by their kinds.

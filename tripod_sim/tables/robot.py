@@ -57,13 +57,25 @@ class Motion:
 
 @dataclass(frozen=True)
 class Effector:
-    """A rigid disc in the centre of the piece.
+    """The effector: a rigid disc in the centre of the piece; or a point or the mean of a set, which is only observed.
+
+    A point and a set add no stiffness and no mass. They have a position, but no orientation.
 
     Attributes:
-        radius: Nodes within it of the Z axis belong to the disc [m].
+        radius: Nodes within it of the Z axis belong to the disc [m]; without effect on a point or a set.
+        point: A point of the body, undeformed, in the frame of the body [m]: anywhere in its elements, or a node of a
+            net.
+        set: Name of a set: its mean position is observed.
     """
 
     radius: float = number(0.0075, unit="m", above=0, high=10.0)
+    point: tuple[float, float, float] | None = number(None, unit="m", low=-1e3, high=1e3)
+    set: str = ""
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether it is a rigid disc, which has an orientation."""
+        return self.point is None and not self.set
 
 
 @dataclass(frozen=True)

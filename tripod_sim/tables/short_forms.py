@@ -158,10 +158,10 @@ def posed(scene: Described, commands: FloatArray, slide: float) -> Described:
     return started(replace(scene, servos=first, body=bodies), rest)
 
 
-# discs ----------------------------------------------------------------------------------------------------------------
+# effectors ------------------------------------------------------------------------------------------------------------
 
 
-def discs_of(scene: Described) -> list[tuple[str, Effector, Body]]:
+def effectors_of(scene: Described) -> list[tuple[str, Effector, Body]]:
     """Return each `[effector]` with its field and its body; the first is the effector of the scene."""
     bodies = soft_bodies(scene)
     found = []
@@ -174,8 +174,13 @@ def discs_of(scene: Described) -> list[tuple[str, Effector, Body]]:
     ]
 
 
+def discs_of(scene: Described) -> list[tuple[str, Effector, Body]]:
+    """Return those effectors that are rigid discs."""
+    return [found for found in effectors_of(scene) if found[1].is_disc]
+
+
 def effector_of(scene: Described) -> Effector | None:
-    """Return the effector of a scene, a disc or else a platform; None where it has none."""
-    if found := discs_of(scene):
+    """Return the effector of a scene, else its platform as a disc; None where it has neither."""
+    if found := effectors_of(scene):
         return found[0][1]
     return Effector(0.5 * max(scene.platform[0].size)) if scene.platform else None

@@ -1,0 +1,133 @@
+"""Inverse kinematics of cables, chambers, forces and servos, and of effectors that are no discs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.ik_actuators import MET, measure, scene_of
+from tests.messages import raises_naming
+from tripod_ik.errors import IkError
+from tripod_ik.model import StaticModel
+from tripod_ik.problem import build_ik, least_energy
+from tripod_ik.solve_once import solve_once
+from tripod_ik.tasks import PositionTask
+from tripod_ik.tracker_settings import Goal
+from tripod_sim import Simulation, load_scene
+from tripod_sim.errors import SceneError
+
+FINGER = "examples/tendon_finger.toml"
+TIP = 'effector={set="tip"}'
+STILL = ("motion=off", "inertia=off", "damping=off")
+
+
+@pytest.mark.parametrize("effector", [TIP, "effector={point=[0.1, 0.01, 0.0075]}"])
+def test_an_observed_effector_adds_nothing_and_has_the_slope_of_its_place(effector: str) -> None:
+    words = [*STILL, "solver.tolerance=1e-9"]
+    plain, seen = Simulation(load_scene(FINGER, words)), Simulation(load_scene(FINGER, [*words, effector]))
+    ends = []
+    for pull in (0.00499, 0.005, 0.00501):
+        for simulation in (plain, seen):
+            simulation.step(np.array([pull, 0.0]))
+        np.testing.assert_array_equal(plain.positions, seen.positions)
+        assert seen.effector
+        ends.append(seen.effector.position)
+        if pull == 0.005:
+            found = seen.compliance()
+    assert plain.effector is None and seen.effector
+    assert seen.effector.quaternion.tolist() == [0, 0, 0, 1]
+    if "set" in effector:
+        np.testing.assert_allclose(seen.effector.position, seen.markers[0], atol=1e-15)
+    slope = (ends[2] - ends[0]) / 2e-5
+    np.testing.assert_allclose(found.jacobian[:3, 0], slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max())
+    assert not found.w[3:6].any()
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (['effector={set="tip", point=[0, 0, 0]}'], ("effector", "point", "set")),
+        (["effector={point=[1, 0, 0]}"], ("effector.point 0", "(1, 0, 0) m")),
+        (['effector={set="nose"}'], ("effector.set", "nose")),
+    ],
+)
+def test_effectors_that_cannot_be_are_refused(words: list[str], names: tuple[str, ...]) -> None:
+    with raises_naming(SceneError, *names):
+        Simulation(load_scene(FINGER, words))
+
+
+def test_a_point_has_no_orientation() -> None:
+    with raises_naming(IkError, "orientation", "tendon_finger"):
+        solve_once(load_scene(FINGER, [TIP]), [0.09, 0.01, 0.0], goal=Goal.ORIENTATION, slide=0.0)
+
+
+def test_a_slack_cable_is_pulled_taut(tmp_path: Path) -> None:
+    """Its slope is 0 where it hangs, so that nothing else would make it move."""
+    scene = load_scene(FINGER, [*STILL, TIP, "gravity=off", "cable.0.slack=2mm"])
+    model = StaticModel(scene)
+    assert model.state().angles * model.spans == pytest.approx([0.002], rel=1e-9)
+    assert model.state().efforts == pytest.approx([0.0], abs=1e-9)
+    goal = model.move(np.array([0.007]) / model.spans).equilibrium
+    found = solve_once(scene, goal.tolist(), slide=0.0, tolerance=MET)
+    assert found["reached"] and found["angles"] == pytest.approx([0.007], abs=1e-7)
+    assert (found["names"], found["units"]) == (["tendon"], ["m"])
+
+
+def test_a_cable_is_not_asked_to_push() -> None:
+    scene = load_scene(FINGER, [*STILL, TIP, "gravity=off"])
+    found = solve_once(scene, [0.09, 0.01, 0.03], slide=0.0)
+    assert found["outcome"].startswith("closest") and found["active_limits"] == ["tendon length min"]
+    assert found["torques"] == pytest.approx([0.0], abs=1e-6)
+
+
+def test_tension_keeps_to_its_limit() -> None:
+    scene = load_scene(FINGER, [*STILL, TIP, "gravity=off", "cable.0.tension_max=2.0"])
+    model = StaticModel(replace(scene))
+    goal = model.move(np.array([0.02]) / model.spans).equilibrium
+    found = solve_once(scene, goal.tolist(), slide=0.0, hard=True)
+    assert found["active_limits"] == ["tendon tension"]
+    assert found["torques"] == pytest.approx([2.0], rel=1e-3)
+
+
+def test_actuators_that_the_goal_leaves_free_take_the_least_energy(tmp_path: Path) -> None:
+    """Four cables, three coordinates: along the free combination the energy is least where the search ends."""
+    scene = scene_of("cables", tmp_path)
+    model = StaticModel(scene)
+    goal = model.move(np.array([0.3, 0.1, 0.25, 0.2])).equilibrium
+    found = solve_once(scene, goal.tolist(), slide=0.0, tolerance=MET)
+    assert found["reached"]
+    state = model.move(np.array(found["angles"]) / model.spans)
+    assert np.linalg.norm(state.equilibrium - goal) < MET
+
+    def stored(commands: np.ndarray) -> float:
+        model.move(commands)
+        energies = model.simulation.energies()
+        return energies.strain + energies.gravity
+
+    free = np.linalg.svd(state.jacobian[:3])[2][3]
+    best, ends = stored(state.angles), []
+    for step in (0.05, -0.05):
+        with_goal = state.angles + step * free
+        there = model.move(with_goal)
+        mended = with_goal + np.linalg.pinv(there.jacobian[:3]) @ (goal - there.equilibrium)
+        ends.append(stored(mended))
+    assert min(ends) > best - 1e-9
+
+
+def test_the_step_to_the_least_energy_moves_no_task(tmp_path: Path) -> None:
+    state = StaticModel(scene_of("tensions", tmp_path)).move(np.array([0.5, 0.6, 0.5, 0.7]))
+    J = state.jacobian[:3]
+    step = least_energy(state, J, -np.ones(4), np.ones(4))
+    assert np.linalg.norm(step) > 1e-3
+    assert np.linalg.norm(J @ step) < 1e-9
+    problem = build_ik(state, [PositionTask(state.equilibrium)], relax=True)
+    assert np.abs(problem.q).max() < 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cables", "tensions", "chambers", "mixed"])
+def test_random_targets_are_met(tmp_path: Path, name: str) -> None:
+    found = measure(scene_of(name, tmp_path), 8, 1)
+    assert found["met"] >= 7 and found["ours_met"] >= found["scipy_met"]
+    assert all(outcome.startswith("closest") for outcome in found["outcomes"]) and found["kkt"] < 1e-6
