@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-void channels_init(struct channel channels[CHANNEL_ROOM])
+void channels_init(struct channel channels[CHANNEL_COUNT])
 {
-    memset(channels, 0, CHANNEL_ROOM * sizeof *channels);
+    memset(channels, 0, CHANNEL_COUNT * sizeof *channels);
     for (int i = WINCH_COUNT; i < CHANNEL_COUNT; i++)
         channels[i].flags = CHANNEL_KNOWN;
 }
@@ -27,7 +27,7 @@ void channel_set(struct channel *c, uint16_t target)
     c->target = target;
 }
 
-void channels_hold(struct channel channels[CHANNEL_ROOM])
+void channels_hold(struct channel channels[CHANNEL_COUNT])
 {
     for (int i = 0; i < CHANNEL_COUNT; i++) {
         if (!(channels[i].flags & CHANNEL_KNOWN))
@@ -37,7 +37,7 @@ void channels_hold(struct channel channels[CHANNEL_ROOM])
     }
 }
 
-void channels_vent(struct channel channels[CHANNEL_ROOM])
+void channels_vent(struct channel channels[CHANNEL_COUNT])
 {
     channels_hold(channels);
     for (int i = WINCH_COUNT; i < CHANNEL_COUNT; i++)
@@ -67,7 +67,7 @@ static void home(struct channel *c)
     }
 }
 
-void channels_period(struct channel channels[CHANNEL_ROOM], const uint16_t measured[CHANNEL_ROOM])
+void channels_period(struct channel channels[CHANNEL_COUNT], const uint16_t measured[CHANNEL_COUNT])
 {
     for (int i = 0; i < CHANNEL_COUNT; i++) {
         struct channel *c = &channels[i];

@@ -12,6 +12,7 @@
 #ifndef PRESSURE_COUNT
 #define PRESSURE_COUNT 0
 #endif
+#define HAS_CHANNELS (WINCH_COUNT + PRESSURE_COUNT > 0)  // a board of servos only has nothing of this
 #ifndef WINCH_MAX
 #define WINCH_MAX 6000  // longest pull from home [steps]
 #endif
@@ -33,7 +34,6 @@
 
 enum {
     CHANNEL_COUNT = WINCH_COUNT + PRESSURE_COUNT,
-    CHANNEL_ROOM = CHANNEL_COUNT ? CHANNEL_COUNT : 1,
     CHANNEL_PERIOD = 20,                       // [ms]
     HOMING_SLEW = 1,                           // [steps in 20 ms]
     HOMING_LIMIT = WINCH_MAX + WINCH_MAX / 4,  // without the switch after so many steps, homing has failed
@@ -83,7 +83,7 @@ static inline uint16_t channel_slew(int i)
     return i < WINCH_COUNT ? WINCH_SLEW : PRESSURE_SLEW;
 }
 
-void channels_init(struct channel channels[CHANNEL_ROOM]);
+void channels_init(struct channel channels[CHANNEL_COUNT]);
 
 // Begin homing of winch `i`, or let it continue.
 void channel_home(struct channel *channel);
@@ -92,12 +92,12 @@ void channel_home(struct channel *channel);
 void channel_set(struct channel *channel, uint16_t target);
 
 // Stop all channels where they are; homing ends.
-void channels_hold(struct channel channels[CHANNEL_ROOM]);
+void channels_hold(struct channel channels[CHANNEL_COUNT]);
 
 // As `channels_hold`, and vent: pressures go to 0 at once.
-void channels_vent(struct channel channels[CHANNEL_ROOM]);
+void channels_vent(struct channel channels[CHANNEL_COUNT]);
 
 // Another 20 ms, with what is measured in each channel.
-void channels_period(struct channel channels[CHANNEL_ROOM], const uint16_t measured[CHANNEL_ROOM]);
+void channels_period(struct channel channels[CHANNEL_COUNT], const uint16_t measured[CHANNEL_COUNT]);
 
 #endif

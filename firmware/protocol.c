@@ -42,8 +42,10 @@ void protocol_init(struct protocol *p, uint8_t reset, const uint16_t emitted[SER
     memcpy(p->emitted, emitted, sizeof p->emitted);
     p->flags = FLAG_RESTARTED;
     p->legacy_count = LEGACY_NONE;
+#if HAS_CHANNELS
     p->since_channels = UINT16_MAX;
     channels_init(p->channels);
+#endif
 }
 
 static uint8_t *put16(uint8_t *at, uint16_t value)
@@ -108,7 +110,7 @@ static uint8_t first_wrong(const uint8_t *pulses)
     return i;
 }
 
-#if WINCH_COUNT + PRESSURE_COUNT > 0
+#if HAS_CHANNELS
 _Static_assert(HEADER_SIZE + 5 * CHANNEL_COUNT + CRC_SIZE <= BODY_MAX, "the states of all channels fit into a frame");
 
 // Carry out a message on channels, as `carry_out`.
@@ -155,7 +157,7 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
     uint8_t size = length - HEADER_SIZE;
     if (body[0] != PROTOCOL_VERSION)
         return error(at, type, ERROR_VERSION, PROTOCOL_VERSION);
-#if WINCH_COUNT + PRESSURE_COUNT > 0
+#if HAS_CHANNELS
     if (*type >= DESCRIBE_CHANNEL && *type <= HOME_CHANNEL)
         return carry_out_channels(p, payload, size, type, at);
 #endif
@@ -185,11 +187,15 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
         command(p, STATE_ACTIVE);
     } else if (*type == RELEASE) {
         command(p, STATE_RELEASED);
+#if HAS_CHANNELS
         channels_vent(p->channels);
+#endif
     } else {
         command(p, protocol_emits_pulses(p) ? STATE_HOLDING : p->state);
+#if HAS_CHANNELS
         channels_hold(p->channels);
         p->since_channels = 0;
+#endif
     }
     *type = ACKNOWLEDGEMENT;
     return put16(put_state(p, at), p->dropped);
@@ -285,10 +291,12 @@ void protocol_tick(struct protocol *p)
 {
     if (p->since_command < UINT16_MAX)
         p->since_command++;
-    if (CHANNEL_COUNT && p->since_channels <= WATCHDOG_MS && ++p->since_channels > WATCHDOG_MS) {
+#if HAS_CHANNELS
+    if (p->since_channels <= WATCHDOG_MS && ++p->since_channels > WATCHDOG_MS) {
         p->flags |= FLAG_WATCHDOG;
         channels_vent(p->channels);
     }
+#endif
     if (!protocol_emits_pulses(p) || p->since_command <= WATCHDOG_MS)
         return;
     p->flags |= FLAG_WATCHDOG;

@@ -66,8 +66,10 @@ struct protocol {
     uint8_t legacy_count;          // bytes after the 255; more than SERVO_COUNT: not in a packet
     uint8_t legacy_row;            // packets in a row that agree; they count from the third on
     uint8_t legacy[SERVO_COUNT];   // of the newest packet
+#if HAS_CHANNELS
     uint16_t since_channels;       // since a message that keeps the channels [ms], stops at its largest value
-    struct channel channels[CHANNEL_ROOM];
+    struct channel channels[CHANNEL_COUNT];
+#endif
     struct frame_receiver frames;  // last, so that the tests see a step beyond its end
 };
 

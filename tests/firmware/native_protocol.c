@@ -47,7 +47,9 @@ int main(void)
 {
     struct protocol *p = malloc(sizeof *p);
     static const uint16_t unknown[SERVO_COUNT];
-    uint16_t measured[CHANNEL_ROOM] = {0}, channel = 0;
+#if HAS_CHANNELS
+    uint16_t measured[CHANNEL_COUNT] = {0}, channel = 0;
+#endif
     protocol_init(p, RESET_POWER_ON, unknown);
     for (;;) {
         uint8_t operation = get8();
@@ -59,12 +61,14 @@ int main(void)
             protocol_lost_input(p);
         if (operation == 'O')
             protocol_lost_output(p);
+#if HAS_CHANNELS
         if (operation == 'M') {
             measured[channel] = count;
-            channel = (channel + 1) % CHANNEL_ROOM;
+            channel = (channel + 1) % CHANNEL_COUNT;
         }
         for (uint16_t i = 0; i < count && operation == 'C'; i++)
             channels_period(p->channels, measured);
+#endif
         if (operation == 'I') {
             uint8_t *frame = malloc(FRAME_MAX);
             char *text = malloc(count + 1);
