@@ -7,14 +7,19 @@ enum {
     SET_PULSES = 0x02,
     HOLD = 0x03,
     RELEASE = 0x04,
+    DESCRIBE_CHANNEL = 0x05,
+    SET_CHANNELS = 0x06,
+    HOME_CHANNEL = 0x07,
     FROM_BOARD = 0x80,
     HELLO_REPLY = 0x81,
     ACKNOWLEDGEMENT = 0x82,
     ERROR = 0x83,
     IMU_LINE = 0x84,
+    CHANNEL_DESCRIPTION = 0x85,
+    CHANNEL_STATES = 0x86,
 };
 
-enum { ERROR_VERSION = 1, ERROR_TYPE, ERROR_LENGTH, ERROR_PULSE };
+enum { ERROR_VERSION = 1, ERROR_TYPE, ERROR_LENGTH, ERROR_PULSE, ERROR_CHANNEL, ERROR_PLACE };
 
 enum { FLAG_RESTARTED = 1, FLAG_WATCHDOG = 2, FLAG_SEQUENCE_GAP = 4, FLAG_OVERRUN = 8 };
 
@@ -37,6 +42,10 @@ void protocol_init(struct protocol *p, uint8_t reset, const uint16_t emitted[SER
     memcpy(p->emitted, emitted, sizeof p->emitted);
     p->flags = FLAG_RESTARTED;
     p->legacy_count = LEGACY_NONE;
+#if HAS_CHANNELS
+    p->since_channels = UINT16_MAX;
+    channels_init(p->channels);
+#endif
 }
 
 static uint8_t *put16(uint8_t *at, uint16_t value)
@@ -101,6 +110,46 @@ static uint8_t first_wrong(const uint8_t *pulses)
     return i;
 }
 
+#if HAS_CHANNELS
+_Static_assert(HEADER_SIZE + 5 * CHANNEL_COUNT + CRC_SIZE <= BODY_MAX, "the states of all channels fit into a frame");
+
+// Carry out a message on channels, as `carry_out`.
+static uint8_t *carry_out_channels(struct protocol *p, const uint8_t *payload, uint8_t size, uint8_t *type, uint8_t *at)
+{
+    int first = payload[0];
+    if (size != (*type == SET_CHANNELS ? 2 * CHANNEL_COUNT : 1))
+        return error(at, type, ERROR_LENGTH, size);
+    if (*type == SET_CHANNELS) {
+        for (int i = 0; i < CHANNEL_COUNT; i++) {
+            if (get16(payload + 2 * i) > channel_max(i))
+                return error(at, type, ERROR_CHANNEL, (uint16_t)i);
+            if (!(p->channels[i].flags & CHANNEL_KNOWN) && get16(payload + 2 * i) != p->channels[i].target)
+                return error(at, type, ERROR_PLACE, (uint16_t)i);
+        }
+        for (int i = 0; i < CHANNEL_COUNT; i++)
+            channel_set(&p->channels[i], get16(payload + 2 * i));
+    } else if (first >= (*type == HOME_CHANNEL ? WINCH_COUNT : CHANNEL_COUNT)) {
+        return error(at, type, ERROR_CHANNEL, (uint16_t)first);
+    } else if (*type == DESCRIBE_CHANNEL) {
+        *type = CHANNEL_DESCRIPTION;
+        *at++ = CHANNEL_COUNT;
+        *at++ = (uint8_t)first;
+        *at++ = channel_kind(first);
+        at = put16(at, channel_max(first));
+        return put16(at, channel_slew(first));
+    } else {
+        channel_home(&p->channels[first]);
+    }
+    p->since_channels = 0;
+    *type = CHANNEL_STATES;
+    for (int i = 0; i < CHANNEL_COUNT; i++) {
+        *at++ = p->channels[i].flags;
+        at = put16(put16(at, p->channels[i].set), p->channels[i].measured);
+    }
+    return at;
+}
+#endif
+
 // Carry out the message in `body` and append the payload of the reply at `at`, its type at `type`.
 static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t length, uint8_t *type, uint8_t *at)
 {
@@ -108,6 +157,10 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
     uint8_t size = length - HEADER_SIZE;
     if (body[0] != PROTOCOL_VERSION)
         return error(at, type, ERROR_VERSION, PROTOCOL_VERSION);
+#if HAS_CHANNELS
+    if (*type >= DESCRIBE_CHANNEL && *type <= HOME_CHANNEL)
+        return carry_out_channels(p, payload, size, type, at);
+#endif
     if (*type < HELLO || *type > RELEASE)
         return error(at, type, ERROR_TYPE, *type);
     if (size != (*type == SET_PULSES ? PULSES_SIZE : 0))
@@ -134,8 +187,15 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
         command(p, STATE_ACTIVE);
     } else if (*type == RELEASE) {
         command(p, STATE_RELEASED);
+#if HAS_CHANNELS
+        channels_vent(p->channels);
+#endif
     } else {
         command(p, protocol_emits_pulses(p) ? STATE_HOLDING : p->state);
+#if HAS_CHANNELS
+        channels_hold(p->channels);
+        p->since_channels = 0;
+#endif
     }
     *type = ACKNOWLEDGEMENT;
     return put16(put_state(p, at), p->dropped);
@@ -231,6 +291,12 @@ void protocol_tick(struct protocol *p)
 {
     if (p->since_command < UINT16_MAX)
         p->since_command++;
+#if HAS_CHANNELS
+    if (p->since_channels <= WATCHDOG_MS && ++p->since_channels > WATCHDOG_MS) {
+        p->flags |= FLAG_WATCHDOG;
+        channels_vent(p->channels);
+    }
+#endif
     if (!protocol_emits_pulses(p) || p->since_command <= WATCHDOG_MS)
         return;
     p->flags |= FLAG_WATCHDOG;

@@ -3,6 +3,7 @@
 #ifndef PROTOCOL_H
 #define PROTOCOL_H
 
+#include "channels.h"
 #include "frame.h"
 
 // All pulses are in tenths of a microsecond. Override these with -D.
@@ -24,7 +25,7 @@
 
 enum {
     FIRMWARE_MAJOR = 2,
-    FIRMWARE_MINOR = 1,
+    FIRMWARE_MINOR = 2,
     PROTOCOL_VERSION = 2,
     SERVO_MAX = 6,
     LEGACY_SERVOS = 3,  // in a legacy packet: a board with another number of servos takes none
@@ -52,7 +53,7 @@ enum { RESET_POWER_ON = 1, RESET_EXTERNAL = 2, RESET_BROWN_OUT = 4, RESET_WATCHD
 struct protocol {
     enum state state;
     uint16_t pulses[SERVO_COUNT];  // what to emit in the next period, while active or holding
-    // the rest is private
+    // the rest is private but for `channels`
     uint16_t emitted[SERVO_COUNT];  // in the last period that had pulses; 0: nobody knows
     uint16_t target[SERVO_COUNT];
     uint16_t dropped;
@@ -65,6 +66,10 @@ struct protocol {
     uint8_t legacy_count;          // bytes after the 255; more than SERVO_COUNT: not in a packet
     uint8_t legacy_row;            // packets in a row that agree; they count from the third on
     uint8_t legacy[SERVO_COUNT];   // of the newest packet
+#if HAS_CHANNELS
+    uint16_t since_channels;       // since a message that keeps the channels [ms], stops at its largest value
+    struct channel channels[CHANNEL_COUNT];
+#endif
     struct frame_receiver frames;  // last, so that the tests see a step beyond its end
 };
 

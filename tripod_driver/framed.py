@@ -16,6 +16,12 @@ from tripod_driver.framed_messages import (
     TEXT_MAX,
     Acknowledgement,
     BoardState,
+    ChannelDescription,
+    ChannelFlags,
+    ChannelKind,
+    ChannelState,
+    ChannelStates,
+    DescribeChannel,
     Error,
     ErrorCode,
     Flags,
@@ -23,12 +29,14 @@ from tripod_driver.framed_messages import (
     Hello,
     HelloReply,
     Hold,
+    HomeChannel,
     ImuLine,
     Message,
     OtherVersion,
     Pulses,
     Release,
     ResetCause,
+    SetChannels,
     SetPulses,
 )
 from tripod_driver.protocol import SERVO_COUNT, ProtocolError
@@ -39,7 +47,13 @@ __all__ = [
     "VERSION",
     "Acknowledgement",
     "BoardState",
+    "ChannelDescription",
+    "ChannelFlags",
+    "ChannelKind",
+    "ChannelState",
+    "ChannelStates",
     "Decoder",
+    "DescribeChannel",
     "Drop",
     "Error",
     "ErrorCode",
@@ -48,12 +62,14 @@ __all__ = [
     "Hello",
     "HelloReply",
     "Hold",
+    "HomeChannel",
     "ImuLine",
     "Message",
     "OtherVersion",
     "Pulses",
     "Release",
     "ResetCause",
+    "SetChannels",
     "SetPulses",
     "cobs_decode",
     "cobs_encode",
@@ -85,22 +101,29 @@ _HELLO_REPLY = struct.Struct("<4B4H3B")
 _STATE = struct.Struct("<2B")
 _DROPPED = struct.Struct("<H")
 _ERROR = struct.Struct("<2BH")
+_DESCRIPTION = struct.Struct("<3B2H")
+_CHANNEL = struct.Struct("<B2H")
 
 _TYPES: dict[type, int] = {
     Hello: 0x01,
     SetPulses: 0x02,
     Hold: 0x03,
     Release: 0x04,
+    DescribeChannel: 0x05,
+    SetChannels: 0x06,
+    HomeChannel: 0x07,
     HelloReply: 0x81,
     Acknowledgement: 0x82,
     Error: 0x83,
     ImuLine: 0x84,
+    ChannelDescription: 0x85,
+    ChannelStates: 0x86,
 }
 
 M = TypeVar("M", Hello, Hold, Release)
 
 
-def _payload(message: Message) -> bytes:
+def _payload(message: Message) -> bytes:  # noqa: PLR0911 - one for each kind
     match message:
         case SetPulses():
             return _packed(message.pulses)
@@ -123,6 +146,14 @@ def _payload(message: Message) -> bytes:
             return _ERROR.pack(message.code, message.type, message.detail)
         case ImuLine():
             return message.text.encode("ascii")
+        case DescribeChannel() | HomeChannel():
+            return bytes([message.number])
+        case SetChannels():
+            return _packed(message.targets)
+        case ChannelDescription() as m:
+            return _DESCRIPTION.pack(m.count, m.number, m.kind, m.highest, m.slew)
+        case ChannelStates():
+            return b"".join(_CHANNEL.pack(c.flags, c.setpoint, c.measured) for c in message.channels)
         case _:
             return b""
 
@@ -174,15 +205,30 @@ def _imu_line(payload: bytes) -> ImuLine:
     return ImuLine(payload.decode("ascii"))
 
 
+def _channel_description(payload: bytes) -> ChannelDescription:
+    count, number, kind, highest, slew = _DESCRIPTION.unpack(payload)
+    return ChannelDescription(count, number, ChannelKind(kind), highest, slew)
+
+
+def _channel_states(payload: bytes) -> ChannelStates:
+    found = _CHANNEL.iter_unpack(payload)
+    return ChannelStates(tuple(ChannelState(ChannelFlags(flags), *values) for flags, *values in found))
+
+
 _DECODERS: dict[int, Callable[[bytes], Message]] = {
     0x01: _empty(Hello),
     0x02: _set_pulses,
     0x03: _empty(Hold),
     0x04: _empty(Release),
+    0x05: lambda payload: DescribeChannel(*struct.unpack("B", payload)),
+    0x06: lambda payload: SetChannels(_pulses(payload)),
+    0x07: lambda payload: HomeChannel(*struct.unpack("B", payload)),
     0x81: _hello_reply,
     0x82: _acknowledgement,
     0x83: _error,
     0x84: _imu_line,
+    0x85: _channel_description,
+    0x86: _channel_states,
 }
 
 

@@ -14,10 +14,18 @@ Pulses = tuple[int, ...]
 SERVOS_MAX = 10
 """Most servos of one board: a hello reply with more pulses is longer than a frame can be."""
 
+CHANNELS_MAX = 7
+"""Most channels beside the servos: the states of more are longer than a frame can be."""
+
 
 def _check_number(name: str, value: int, highest: int) -> None:
     if not 0 <= value <= highest:
         raise ProtocolError(f"{name} is {value}; allowed: 0 to {highest}")
+
+
+def _check_channels(count: int) -> None:
+    if not 0 < count <= CHANNELS_MAX:
+        raise ProtocolError(f"{count} channels given; a message carries 1 to {CHANNELS_MAX}")
 
 
 def _check_pulses(pulses: Pulses) -> None:
@@ -66,6 +74,30 @@ class ResetCause(IntFlag):
     """By its hardware watchdog: the firmware had hung."""
 
 
+class ChannelKind(IntEnum):
+    """What a channel beside the servos drives."""
+
+    WINCH = 1
+    """A cable; its set-point is the length pulled in from home [steps]."""
+    PRESSURE = 2
+    """A chamber; its set-point is the pressure above ambient [counts]."""
+
+
+class ChannelFlags(IntFlag):
+    """What is known of a channel."""
+
+    KNOWN = 1
+    """Its place is known: a winch was homed since the last reset. Always set for a pressure."""
+    HOMING = 2
+    """A winch looks for its home switch."""
+    HOME_FAILED = 4
+    """The home switch did not close over the whole range and a quarter of it."""
+    SLACK = 8
+    """The cable of a winch went slack while it was pulled in: the board holds it."""
+    LEAK = 16
+    """A pressure stayed below its set-point: the board does not raise it further."""
+
+
 class ErrorCode(IntEnum):
     """Why the board refused a message whose CRC was right."""
 
@@ -77,6 +109,10 @@ class ErrorCode(IntEnum):
     """Payload of the wrong length; the detail is its length."""
     PULSE = 4
     """Pulse out of the board's range; the detail is the number of the servo."""
+    CHANNEL = 5
+    """No such channel, or a set-point out of its range; the detail is its number."""
+    PLACE = 6
+    """A winch that was not homed must not be moved; the detail is its number."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +142,109 @@ class Hold:
 @dataclass(frozen=True)
 class Release:
     """Host to board: no more pulses; the servos let go."""
+
+
+@dataclass(frozen=True)
+class DescribeChannel:
+    """Host to board: what is this channel? A board without channels answers with an error.
+
+    Attributes:
+        number: Of the channel, 0 the first.
+    """
+
+    number: int
+
+    def __post_init__(self) -> None:
+        _check_number("channel", self.number, 0xFF)
+
+
+@dataclass(frozen=True)
+class SetChannels:
+    """Host to board: bring the channels to these set-points, each at its limited rate.
+
+    Attributes:
+        targets: Set-point of each channel [steps, counts].
+    """
+
+    targets: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        _check_channels(len(self.targets))
+        for i, target in enumerate(self.targets):
+            _check_number(f"set-point of channel {i}", target, 0xFFFF)
+
+
+@dataclass(frozen=True)
+class HomeChannel:
+    """Host to board: move this winch slowly to its home switch; goes on only while this is repeated.
+
+    Attributes:
+        number: Of the channel.
+    """
+
+    number: int
+
+    def __post_init__(self) -> None:
+        _check_number("channel", self.number, 0xFF)
+
+
+@dataclass(frozen=True)
+class ChannelDescription:
+    """Board to host: what a channel is.
+
+    Attributes:
+        count: How many channels the board has.
+        number: Of this one.
+        kind: What it drives.
+        highest: Largest set-point [steps, counts]; the smallest is 0.
+        slew: Largest change of the set-point in 20 ms [steps, counts].
+    """
+
+    count: int
+    number: int
+    kind: ChannelKind
+    highest: int
+    slew: int
+
+    def __post_init__(self) -> None:
+        _check_channels(self.count)
+        _check_number("channel", self.number, self.count - 1)
+        _check_number("highest", self.highest, 0xFFFF)
+        _check_number("slew", self.slew, 0xFFFF)
+
+
+@dataclass(frozen=True)
+class ChannelState:
+    """One channel in `ChannelStates`.
+
+    Attributes:
+        flags: What is known of it.
+        setpoint: Its set-point now [steps, counts]; of a winch without `KNOWN` it means nothing.
+        measured: A pressure [counts]; of a winch bit 0: at home, bit 1: slack.
+    """
+
+    flags: ChannelFlags
+    setpoint: int
+    measured: int
+
+    def __post_init__(self) -> None:
+        _check_number("flags", self.flags, 0xFF)
+        _check_number("setpoint", self.setpoint, 0xFFFF)
+        _check_number("measured", self.measured, 0xFFFF)
+
+
+@dataclass(frozen=True)
+class ChannelStates:
+    """Board to host: `SetChannels` or `HomeChannel` was carried out.
+
+    Attributes:
+        channels: One for each channel.
+    """
+
+    channels: tuple[ChannelState, ...]
+
+    def __post_init__(self) -> None:
+        _check_channels(len(self.channels))
 
 
 @dataclass(frozen=True)
@@ -229,7 +368,21 @@ class OtherVersion:
     version: int
 
 
-Message = Hello | SetPulses | Hold | Release | HelloReply | Acknowledgement | Error | ImuLine
+Message = (
+    Hello
+    | SetPulses
+    | Hold
+    | Release
+    | DescribeChannel
+    | SetChannels
+    | HomeChannel
+    | HelloReply
+    | Acknowledgement
+    | Error
+    | ImuLine
+    | ChannelDescription
+    | ChannelStates
+)
 """What can be sent."""
 
 

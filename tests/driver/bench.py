@@ -30,7 +30,7 @@ def hello_reply(**changed: object) -> HelloReply:
     """What a fresh board of the default build answers to a hello, with fields `changed`."""
     limits = (5440, 24000, 500, 475)
     told = (ResetCause.POWER_ON, BoardState.IDLE, Flags(0), (0, 0, 0))
-    return replace(HelloReply((2, 1), VERSION, 3, *limits, *told), **changed)
+    return replace(HelloReply((2, 2), VERSION, 3, *limits, *told), **changed)
 
 
 class Clock:

@@ -91,10 +91,10 @@ def simulator() -> Path:
 
 
 @cache
-def native(servos: int = 3) -> Path:
+def native(servos: int = 3, winches: int = 0, pressures: int = 0) -> Path:
     """Return the program of native_protocol.c: the protocol's C code on this machine, with sanitizers."""
     need("cc")
-    program = _directory() / f"native_protocol-{servos}"
+    program = _directory() / f"native_protocol-{servos}-{winches}-{pressures}"
     flags = [
         "-O1",
         "-g",
@@ -105,8 +105,12 @@ def native(servos: int = 3) -> Path:
         "-Werror",
         "-fsanitize=address,undefined",
     ]
-    sources = [HERE / "native_protocol.c", SOURCES / "protocol.c", SOURCES / "frame.c"]
+    sources = [
+        HERE / "native_protocol.c",
+        *(SOURCES / f"{name}.c" for name in ("protocol", "channels", "frame")),
+    ]
     flags += ["-fno-sanitize-recover=all", f"-I{SOURCES}", f"-DSERVO_COUNT={servos}"]
+    flags += [f"-DWINCH_COUNT={winches}", f"-DPRESSURE_COUNT={pressures}"]
     build(["cc", *flags, *map(str, sources), "-o", str(program)])
     return program
 

@@ -131,7 +131,7 @@ class ModelBoard:
             flags, self.flags = self.flags, Flags(0)
             limits = (PULSE_MIN, PULSE_MAX, WATCHDOG, SLEW)
             told = (ResetCause.POWER_ON, self.state, flags, self.told)
-            return HelloReply((2, 1), VERSION, self.servos, *limits, *told)
+            return HelloReply((2, 2), VERSION, self.servos, *limits, *told)
         if kind == 2:
             asked = [int.from_bytes(payload[i : i + 2], "little") for i in range(0, len(payload), 2)]
             for servo, pulse in enumerate(asked):

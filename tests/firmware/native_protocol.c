@@ -1,6 +1,7 @@
 // The firmware's protocol on the machine that runs the tests: operations on standard input, results on standard output.
 // Operation: letter, count (u16, low byte first), for R and I that many bytes.
 //   Z begin again   R receive bytes   T ticks   P periods with pulses   L input lost   O output lost   I line of an IMU
+//   M the measured value of channel 0, 1, ... from here on: letter, value   C periods of the channels
 // Result: length of what was sent (u16), those bytes, state (u8), emits pulses (u8), the pulses (u16).
 #include <stddef.h>
 #include <stdio.h>
@@ -46,6 +47,9 @@ int main(void)
 {
     struct protocol *p = malloc(sizeof *p);
     static const uint16_t unknown[SERVO_COUNT];
+#if HAS_CHANNELS
+    uint16_t measured[CHANNEL_COUNT] = {0}, channel = 0;
+#endif
     protocol_init(p, RESET_POWER_ON, unknown);
     for (;;) {
         uint8_t operation = get8();
@@ -57,6 +61,14 @@ int main(void)
             protocol_lost_input(p);
         if (operation == 'O')
             protocol_lost_output(p);
+#if HAS_CHANNELS
+        if (operation == 'M') {
+            measured[channel] = count;
+            channel = (channel + 1) % CHANNEL_COUNT;
+        }
+        for (uint16_t i = 0; i < count && operation == 'C'; i++)
+            channels_period(p->channels, measured);
+#endif
         if (operation == 'I') {
             uint8_t *frame = malloc(FRAME_MAX);
             char *text = malloc(count + 1);

@@ -126,7 +126,7 @@ def assert_limits_and_speed(pulses: list[Pulse], speed: float = SPEED) -> None:
 def test_from_the_hello_to_a_motion_of_the_servos(board) -> None:
     host = Host(board).run(0.5)
     assert host.safety.state is State.HOLDING
-    assert host.link.session.firmware.startswith("2.1")
+    assert host.link.session.firmware.startswith("2.2")
     host.goto(-1.2, -0.9, -0.3, time=0.5).run(1.0)
     assert is_row_of(rows(host.pulses[-30:] + pulses_so_far(board))[-1], tenths(-1.2, -0.9, -0.3))
     assert_limits_and_speed(host.pulses)

@@ -31,8 +31,8 @@ from tripod_driver.framed import (
 class NativeProtocol:
     """The C code in a process of its own, where the sanitizers can stop it."""
 
-    def __init__(self, servos: int = 3) -> None:
-        command = [build.native(servos)]
+    def __init__(self, servos: int = 3, channels: tuple[int, int] = (0, 0)) -> None:
+        command = [build.native(servos, *channels)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._servos = servos
         self.state, self.emits, self.pulses = BoardState.IDLE, False, (0,) * servos
