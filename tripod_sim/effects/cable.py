@@ -52,8 +52,8 @@ def _points(field: str, via: Via, draft: Draft) -> "Embedding":
     from tripod_sim.mesh.lines import read_points
 
     name = f"{field}.{'source' if via.source else 'points'}"
-    found = read_points(Path(via.source), name) if via.source else via.points
-    points = np.reshape(found, (-1, 3)).astype(float)
+    listed = read_points(Path(via.source), name) if via.source else via.points
+    points = np.reshape(listed, (-1, 3)).astype(float)
     if via.body == WORLD:
         return in_world(points)
     body = draft.assembly.body_named(via.body, f"{field}.body", f"points that never move: {WORLD}")
