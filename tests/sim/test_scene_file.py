@@ -69,8 +69,13 @@ EVERYTHING = Scene(
         Cable(
             "tendon", (Via(((0.0, 0.1, 0.2),)), Via(((1.0, 2.0, 3.0),), body="world")), (0.0, 0.1), slack=1e-3
         ),
+        Cable("routed", (Via(source="/somewhere/route.csv"),), (0.0, 9.0), command="tension"),
     ),
-    chamber=(Chamber("air", (0.0, 1e5), start=1e3, cavity=2), Chamber("gas", (-1e4, 0.0), set="b", cap=True)),
+    chamber=(
+        Chamber("air", (0.0, 1e5), start=1e3, cavity=2),
+        Chamber("gas", (-1e4, 0.0), set="b", cap=True),
+        Chamber("water", (-1e-6, 1 / 3), command="volume", bulk=1e7),
+    ),
     force=(Force("push", "b", (0.0, 0.0, 1.0), (-0.5, 1 / 3), start=0.1, share="even"),),
     servos=Servos(axis_radius=0.07, angle_min=-1.5, angle_max=0.25, angles=(-1.5, 0.25, 0.1), slide=0.01),
     effector=Effector(radius=0.01),
