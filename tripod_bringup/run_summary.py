@@ -221,17 +221,17 @@ def _effector_error(error: Mapping[str, Any], steps: Mapping[str, Any]) -> str:
         return error_words(math.nan)
     shares = {"mesh": error["largest"], "step": steps.get("effector", math.nan)}
     words = ", ".join(f"{name} {1e3 * value:.2g}" for name, value in shares.items() if not math.isnan(value))
-    return f"effector at most {1e3 * error['largest_with_steps']:.2g} mm ({words}; estimated)"
+    return f"effector about {1e3 * error['largest_with_steps']:.2g} mm ({words}; estimated)"
 
 
 def _time_error(error: Mapping[str, Any]) -> str:
     """Return the largest estimated error of the time steps."""
     if error["node"] < 0:
         most = error["added"] * 1e3
-        return f"each step adds at most {_digits(most)} mm (estimated); that of the whole motion is not estimated"
+        return f"each step adds about {_digits(most)} mm (estimated); that of the whole motion is not estimated"
     places = {"effector": "effector", "largest": f"node {error['node']}", "ball": "ball"}
     words = [
-        f"{place} at most {error[name] * 1e3:.2g} mm"
+        f"{place} about {error[name] * 1e3:.2g} mm"
         for name, place in places.items()
         if not math.isnan(error.get(name, math.nan))
     ]

@@ -312,10 +312,23 @@ def test_what_the_study_shares_and_the_scene_lacks_is_named(tmp_path: Path) -> N
     base = {"springs.node_mass": 2.0, "damping": "off", "servos.angles": "[-1.4965, -1.4965, -1.4965]"}
     path.write_text(json.dumps(made_up(base=base)))
     choice = choose("pendulum", "5%", study=path, speed=same_speed)
-    assert choice.outside == ("the study has springs.node_mass=2.0",)
+    (only,) = choice.outside
+    assert_names(only, "springs.node_mass as it is here", "springs.node_mass=2.0")
     assert load_scene("pendulum", choice.overrides).springs.node_mass == 1.0, "it is not applied"
     choice = choose("pendulum", "5%", ["springs.node_mass=2.0"], study=path, speed=same_speed)
     assert choice.outside == ()
+
+
+@pytest.mark.parametrize("word", ["springs.node_mass=2000g", "springs.node_mass=2"])
+def test_a_study_made_with_a_unit_knows_the_same_value_however_it_is_written(
+    word: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(made_up(base={"springs.node_mass": "2000g"})))
+    choice = choose("pendulum", "5%", [word], study=path, speed=same_speed)
+    assert choice.outside == ()
+    choice = choose("pendulum", "5%", ["springs.node_mass=2001g"], study=path, speed=same_speed)
+    assert choice.outside
 
 
 def test_static_solves_are_for_scenes_without_inertia(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from tripod_sim.errors import SceneError, shown
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import SCHEMES, auto
 from tripod_sim.scene import Scene
-from tripod_sim.scene.file import load_scene, words_of
+from tripod_sim.scene.file import load_scene, scene_from_toml, scene_to_toml, words_of
 from tripod_study.accuracy.machine import product_time
 from tripod_study.accuracy.margins import margins
 from tripod_study.accuracy.stored import NUMBERS, StoredPoint, StoredStudy, Value, read_study, stored_studies
@@ -386,9 +386,9 @@ def outside(
             found.append(word)
     for field, value in study.base.items():
         if field not in INSIDE and field not in named and not holds(made, field, value):
-            found += [f"the study has {word}" for word in words_of({field: value})]
+            found += [f"{field} as it is here: the study has {word}" for word in words_of({field: value})]
     if study.studied and study.studied != studied(load_scene(scene), study.varied):
-        found.append("the scene, or a file that it names, has changed since")
+        found.append("the file of the scene, or a file that it names, as it is now")
     return tuple(found)
 
 
@@ -418,7 +418,7 @@ def differing(made: Scene, other: Scene) -> list[str]:
 
 
 def holds(made: Scene, field: str, value: Value) -> bool:
-    """Return whether a field of a scene has a value; `off` is an effect that is absent, `{a=1}` one with numbers."""
+    """Return whether a field of a scene has a value, which may be the text of an override: `off`, `500kPa`, `{a=1}`."""
     if isinstance(value, str) and NUMBERS.fullmatch(value):
         numbers = (word.split("=") for word in value[1:-1].split(", "))
         return all(holds(made, f"{field}.{name}", float(number)) for name, number in numbers)
@@ -426,7 +426,14 @@ def holds(made: Scene, field: str, value: Value) -> bool:
         found: Any = reduce(getattr, field.split("."), made)
     except AttributeError:
         found = None
-    return not found if value == "off" else found == value
+    if not isinstance(value, str) or value == found:
+        return bool(found == value)
+    if value == "off":
+        return not found
+    try:
+        return scene_from_toml(scene_to_toml(made), words_of({field: value})) == made
+    except SceneError:
+        return False
 
 
 def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
