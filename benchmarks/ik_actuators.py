@@ -92,7 +92,7 @@ def scene_of(name: str, folder: Path) -> Scene:
             "damping=off",
         ]
         return load_scene("tripod", [*words, "motion=off", "servos.angle_min=-1.3", cable, push])
-    return load_scene(name)
+    return load_scene(name, ["motion=off", "inertia=off", "damping=off"])
 
 
 def targets_of(model: StaticModel, low: np.ndarray, high: np.ndarray, count: int) -> list[np.ndarray]:

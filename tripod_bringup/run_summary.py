@@ -228,7 +228,9 @@ def _time_error(error: Mapping[str, Any]) -> str:
     """Return the largest estimated error of the time steps."""
     if error["node"] < 0:
         most = error["added"] * 1e3
-        return f"each step adds about {_digits(most)} mm (estimated); that of the whole motion is not estimated"
+        return (
+            f"each step adds about {_digits(most)} mm (estimated); that of the whole motion is not estimated"
+        )
     places = {"effector": "effector", "largest": f"node {error['node']}", "ball": "ball"}
     words = [
         f"{place} about {error[name] * 1e3:.2g} mm"

@@ -8,6 +8,7 @@ of an actuator that is no servo; its effort is in N m, too: work per span.
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import hypot
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix, rotation_matrix
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
-from tripod_sim.tables.joints import Actuator
+
+if TYPE_CHECKING:
+    from tripod_sim.tables.joints import Actuator
 
 ASYMMETRY = 1e-6
 """Largest |W - Wᵀ| accepted, relative to the largest entry of W."""
@@ -63,7 +66,7 @@ class LinearState:
     W: FloatArray
     stability_margin: float = 1.0
     stability_margin_slope: FloatArray = field(default_factory=lambda: np.zeros(0))
-    actuators: tuple[Actuator, ...] = ()
+    actuators: tuple["Actuator", ...] = ()
     held: tuple[FloatArray, FloatArray] | None = None
 
     def __post_init__(self) -> None:

@@ -33,8 +33,8 @@ def snapshot(seed: int = 0, servos: int = 3, stamp: int = STAMP) -> Snapshot:
     position, quaternion = rng.standard_normal(3), rng.standard_normal(4)
     size = 6 + servos
     compliance = Compliance(
-        rng.standard_normal((size, size)), rng.standard_normal(servos), 0.0123, rng.standard_normal(servos), position,
-        quaternion, rng.standard_normal(6),
+        rng.standard_normal((size, size)), rng.standard_normal((6, servos)), rng.standard_normal((servos, servos)),
+        rng.standard_normal(servos), 0.0123, rng.standard_normal(servos), position, quaternion, rng.standard_normal(6),
     )  # fmt: skip
     return Snapshot(
         stamp, 41, 0.205, rng.standard_normal(MESH.nodes.shape), rng.standard_normal(servos + 1),

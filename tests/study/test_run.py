@@ -202,7 +202,7 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     assert (
         len(summary["angles"])
         == len(summary["torques"])
-        == (joints.count if (joints := joints_of(scene)) else 0)
+        == (len(joints.arms) if (joints := joints_of(scene)) else 0)
     )
     with np.load(out) as arrays:
         assert set(arrays) <= {name for row in KEYS for name in re.findall(r"`(\w+)`", row.split("|")[1])}
@@ -382,7 +382,7 @@ STILL = {"stack": "it stands", "cook": "it rises by a thousandth of a millimetre
 
 @pytest.mark.parametrize("name", sampled(scene_names(), *(n for n in scene_names() if n != "tripod_cloth")))
 def test_every_shipped_scene_shows_its_point_by_itself(name: str) -> None:
-    """Something moves by a tenth of the body's size in the first second."""
+    """Something moves by a tenth of the body's size in the first second; of a robot on wide feet by a twentieth."""
     coarse = ["mesh.level=5"] if name == "tripod_sofa" else COARSE if load_scene(name).mesh else []
     coarse += ["springs.nodes=8"] if name == "cloth" else []
     kept: list[Any] = []
@@ -397,7 +397,7 @@ def test_every_shipped_scene_shows_its_point_by_itself(name: str) -> None:
     if name in STILL:
         assert moves < 0.02 * size
     else:
-        assert moves > 0.1 * size
+        assert moves > (0.05 if name == "diamond" else 0.1) * size
 
 
 def test_a_servo_timeline_takes_the_place_of_the_scenes_motion(tmp_path: Path) -> None:
