@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from control_msgs.action import FollowJointTrajectory
+from numpy.typing import NDArray
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
@@ -23,6 +24,7 @@ from tripod_graph.command import CommandError, JointNameError, LateError
 from tripod_graph.control_mode import clocks
 from tripod_graph.goal import Motion, Outcome, Tolerances, judge, tolerances
 from tripod_graph.goal_request import BoundedTrajectory
+from tripod_graph.joint import Joint
 from tripod_graph.trajectory import Command, command_of, seconds
 from tripod_host.arrays import FloatArray
 
@@ -158,12 +160,13 @@ class FollowAction:
 
     def _feedback(self, goal: _Goal, motion: Motion) -> FollowJointTrajectory.Feedback:
         asked = goal.handle.request.trajectory.joint_names
-        named = [i for i in range(len(motion.actual)) if motion.joints[i] in asked]
+        named = [i for i in range(len(motion.actual)) if motion.joints[i].name in asked]
         desired, actual = motion.desired[named], motion.actual[named]
-        feedback = FollowJointTrajectory.Feedback(joint_names=[motion.joints[i] for i in named])
+        feedback = FollowJointTrajectory.Feedback(joint_names=[motion.joints[i].name for i in named])
         feedback.header.stamp = self._node.get_clock().now().to_msg()
-        feedback.desired, feedback.actual = _point(desired), _point(actual)
-        feedback.error = _point(desired - actual)
+        efforts = np.array([motion.joints[i].is_effort for i in named], dtype=bool)
+        feedback.desired, feedback.actual = _point(desired, efforts), _point(actual, efforts)
+        feedback.error = _point(desired - actual, efforts)
         return feedback
 
 
@@ -178,7 +181,7 @@ def _command(message: JointTrajectory, wall: float, now: float) -> Command:
     return command_of(message, wall, now)
 
 
-def _tolerances(goal: FollowJointTrajectory.Goal, joints: Sequence[str]) -> Tolerances:
+def _tolerances(goal: FollowJointTrajectory.Goal, joints: Sequence[Joint]) -> Tolerances:
     for what in ("multi_dof_trajectory", "component_path_tolerance", "component_goal_tolerance"):
         given = getattr(goal, what)
         if len(given.points if what == "multi_dof_trajectory" else given):
@@ -194,5 +197,9 @@ def _outcome(error: ValueError) -> Outcome:
     return Outcome.OLD_HEADER_TIMESTAMP if isinstance(error, LateError) else Outcome.INVALID_GOAL
 
 
-def _point(positions: FloatArray | Sequence[float]) -> JointTrajectoryPoint:
-    return JointTrajectoryPoint(positions=np.asarray(positions, float).tolist())
+def _point(values: FloatArray, efforts: NDArray[np.bool_]) -> JointTrajectoryPoint:
+    """Return the values of joints, of which `efforts` are efforts; without any, the point has positions alone."""
+    return JointTrajectoryPoint(
+        positions=np.where(efforts, 0.0, values).tolist(),
+        effort=np.where(efforts, values, 0.0).tolist() if efforts.any() else [],
+    )

@@ -25,6 +25,7 @@ class Command:
         times: Of each point from the start [s].
         positions: Joint values of each point.
         velocities: Of each point; none, or of all.
+        efforts: Of each point; none, or of all.
         age: How long ago it begins [s]; negative: it begins later.
         now: The steady time at which it came [s].
     """
@@ -34,6 +35,7 @@ class Command:
     times: Sequence[float]
     positions: Sequence[Sequence[float]]
     velocities: Sequence[Sequence[float]]
+    efforts: Sequence[Sequence[float]]
     age: float
     now: float
 
@@ -54,11 +56,10 @@ def obey(node: Node, follow: Callable[[Command], object], refuse: Callable[[Comm
 def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
     """Return what a message commands, received at these times. Raises CommandError for what is not used."""
     points = message.points
-    for what in ("accelerations", "effort"):
-        if any(len(getattr(point, what)) for point in points):
-            raise CommandError(
-                f"the points of the trajectory have {what}, which are not supported: leave them out"
-            )
+    if any(len(point.accelerations) for point in points):
+        raise CommandError(
+            "the points of the trajectory have accelerations, which are not supported: leave them out"
+        )
     stamp = seconds(message.header.stamp)
     moving = [point.velocities for point in points if len(point.velocities)]
     return Command(
@@ -67,6 +68,7 @@ def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
         [seconds(point.time_from_start) for point in points],
         [point.positions for point in points],
         moving,
+        [point.effort for point in points] if any(len(point.effort) for point in points) else [],
         wall - stamp if stamp else 0.0,
         now,
     )
