@@ -239,7 +239,8 @@ class CommandFollower:
 
     Attributes:
         limits: Bounds of what may be commanded.
-        joints: The set-point: angles [rad], other joints [m, N, Pa] and the slide [m], shape (limits.size + 1,), as all that follows.
+        joints: The set-point: angles [rad], other joints [m, N, Pa] and the slide [m], shape (limits.size + 1,), as all
+            that follows.
         goal: What `joints` approaches at its limited speed.
         activity: What the follower is doing.
         trajectory: Stands for the trajectory that was taken last, also after its end; None: it was interrupted.

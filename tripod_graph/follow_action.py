@@ -10,14 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from control_msgs.action import FollowJointTrajectory
-from numpy.typing import NDArray
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from tripod_graph.cdr import MOST_POINTS
 from tripod_graph.command import CommandError, JointNameError, LateError
@@ -25,8 +23,7 @@ from tripod_graph.control_mode import clocks
 from tripod_graph.goal import Motion, Outcome, Tolerances, judge, tolerances
 from tripod_graph.goal_request import BoundedTrajectory
 from tripod_graph.joint import Joint
-from tripod_graph.trajectory import Command, command_of, seconds
-from tripod_host.arrays import FloatArray
+from tripod_graph.trajectory import Command, command_of, point_of, seconds
 
 PERIOD = 0.05
 """Time between two feedbacks of a goal, and two looks at whether it has ended [s]."""
@@ -164,9 +161,9 @@ class FollowAction:
         desired, actual = motion.desired[named], motion.actual[named]
         feedback = FollowJointTrajectory.Feedback(joint_names=[motion.joints[i].name for i in named])
         feedback.header.stamp = self._node.get_clock().now().to_msg()
-        efforts = np.array([motion.joints[i].is_effort for i in named], dtype=bool)
-        feedback.desired, feedback.actual = _point(desired, efforts), _point(actual, efforts)
-        feedback.error = _point(desired - actual, efforts)
+        joints = [motion.joints[i] for i in named]
+        feedback.desired, feedback.actual = point_of(desired, joints), point_of(actual, joints)
+        feedback.error = point_of(desired - actual, joints)
         return feedback
 
 
@@ -195,11 +192,3 @@ def _outcome(error: ValueError) -> Outcome:
     if isinstance(error, JointNameError):
         return Outcome.INVALID_JOINTS
     return Outcome.OLD_HEADER_TIMESTAMP if isinstance(error, LateError) else Outcome.INVALID_GOAL
-
-
-def _point(values: FloatArray, efforts: NDArray[np.bool_]) -> JointTrajectoryPoint:
-    """Return the values of joints, of which `efforts` are efforts; without any, the point has positions alone."""
-    return JointTrajectoryPoint(
-        positions=np.where(efforts, 0.0, values).tolist(),
-        effort=np.where(efforts, values, 0.0).tolist() if efforts.any() else [],
-    )

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from builtin_interfaces.msg import Duration, Time
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tripod_graph import names
 from tripod_graph.cdr import check_size
 from tripod_graph.command import CommandError
 from tripod_graph.control_mode import clocks
+from tripod_graph.joint import Joint
 from tripod_graph.qos import RELIABLE
+from tripod_host.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,17 @@ def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
         [point.effort for point in points] if any(len(point.effort) for point in points) else [],
         wall - stamp if stamp else 0.0,
         now,
+    )
+
+
+def point_of(values: Sequence[float] | FloatArray, joints: Sequence[Joint]) -> JointTrajectoryPoint:
+    """Return a point with the values of `joints`, shape (n,): positions, and efforts of joints that take one."""
+    pairs = [(float(value), joint.is_effort) for value, joint in zip(values, joints, strict=True)]
+    return JointTrajectoryPoint(
+        positions=[0.0 if is_effort else value for value, is_effort in pairs],
+        effort=[value if is_effort else 0.0 for value, is_effort in pairs]
+        if any(e for _, e in pairs)
+        else [],
     )
 
 
