@@ -21,6 +21,9 @@ SHOWN: Final = {
 }
 """Factor and unit in which people read a command."""
 
+ANSWERS: Final = {"rad": (1.0, "N m"), "m": (1.0, "N"), "m³": (1e-3, "kPa"), "N": (1e3, "mm"), "Pa": (1e6, "mL")}
+"""Factor and unit in which people read what a joint gives in return."""
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -67,6 +70,11 @@ class Joint:
         """
         factor, unit = SHOWN.get(self.unit, (1.0, self.unit))
         return f"{factor * value:.4g} {unit}"
+
+    @property
+    def answer(self) -> tuple[float, str]:
+        """Factor and unit in which people read what the joint gives in return for its command: torque, tension, way."""
+        return ANSWERS.get(self.unit, (1.0, ""))
 
     def within(self, low: float, high: float, speed: float) -> "Joint":
         """Return the joint narrowed to a range and a slew rate; a range without overlap stays upside down."""

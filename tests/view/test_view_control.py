@@ -205,7 +205,7 @@ def test_without_control_no_motion_begins() -> None:
 
 
 def test_a_motion_is_slow_at_both_ends_and_keeps_the_joints_in_proportion() -> None:
-    path = motion(BENT, WORKING_POSE, 0.4)
+    path = motion(BENT, WORKING_POSE, 0.4, CommandLimits().table)
     assert path.times[-1] == pytest.approx((1.4965 - 0.3) / 0.4)
     share = (path.positions - BENT) / (np.array(WORKING_POSE) - BENT)
     assert share == pytest.approx(np.tile(share[:, :1], 4))
@@ -216,14 +216,14 @@ def test_a_motion_is_slow_at_both_ends_and_keeps_the_joints_in_proportion() -> N
 
 
 def test_a_motion_of_the_slide_alone_and_none_at_all_still_take_time() -> None:
-    assert motion(PARKED, (0, 0, 0, 0.035), 0.4).times[-1] == pytest.approx(3.5)
-    assert motion(PARKED, PARKED, 0.4).times[-1] == pytest.approx(0.5)
+    assert motion(PARKED, (0, 0, 0, 0.035), 0.4, CommandLimits().table).times[-1] == pytest.approx(3.5)
+    assert motion(PARKED, PARKED, 0.4, CommandLimits().table).times[-1] == pytest.approx(0.5)
 
 
 def test_a_follower_keeps_up_with_the_motion_to_the_working_pose() -> None:
     limits = CommandLimits()
     follower = CommandFollower(limits)
-    path = motion(PARKED, WORKING_POSE, 0.4)
+    path = motion(PARKED, WORKING_POSE, 0.4, CommandLimits().table)
     follower.setpoint(0.0)
     follower.accept(path.names, path.times, path.positions, 0.0)
     worst = 0.0
