@@ -21,7 +21,13 @@ SHOWN: Final = {
 }
 """Factor and unit in which people read a command."""
 
-ANSWERS: Final = {"rad": (1.0, "N m"), "m": (1.0, "N"), "m³": (1e-3, "kPa"), "N": (1e3, "mm"), "Pa": (1e6, "mL")}
+ANSWERS: Final = {
+    "rad": (1.0, "N m"),
+    "m": (1.0, "N"),
+    "m³": (1e-3, "kPa"),
+    "N": (1e3, "mm"),
+    "Pa": (1e6, "mL"),
+}
 """Factor and unit in which people read what a joint gives in return."""
 
 

@@ -31,8 +31,7 @@ KEY_HOLD = 0.3
 """Time for which keys count after the page told last that they are down [s]: silence means that they are up."""
 
 ARRIVED = 0.02
-"""A motion whose measured angles end farther than this from its goal is reported [rad]; of others, in parts of the range.
-"""
+"""A motion whose measured angles end farther than this from its goal is reported [rad; others: part of the range]."""
 
 
 class Control:

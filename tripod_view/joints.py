@@ -21,7 +21,8 @@ def joint_values(
 ) -> FloatArray:
     """Return the angles of all servos [rad], commands of `others` [m, N, Pa] and the slide [m], shape (n + 1,).
 
-    The command of a joint that takes an effort is its effort. A slide that is not named is 0: the real robot has none. Other joints are passed over. Raises JointError.
+    The command of a joint that takes an effort is its effort. A slide that is not named is 0: the real robot has none.
+    Other joints are passed over. Raises JointError.
     """
     if len(names) != len(positions):
         raise JointError(f"the message has {len(positions)} positions for {len(names)} joints")

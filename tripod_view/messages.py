@@ -77,7 +77,7 @@ def pose_of(message: PoseStamped) -> Pose:
 
 def trajectory_message(trajectory: Trajectory, source: str) -> JointTrajectory:
     """Return `trajectory` of `source` as a message; it begins when it is received."""
-    message = JointTrajectory(joint_names=[joint.name for joint in trajectory.joints])
+    message = JointTrajectory(joint_names=list(trajectory.names))
     message.header.frame_id = source
     for seconds, row in zip(trajectory.times, trajectory.positions, strict=True):
         point = point_of(row, trajectory.joints)

@@ -36,6 +36,11 @@ class Trajectory:
     times: FloatArray
     positions: FloatArray
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
 
 def motion_duration(start: FloatArray, goal: FloatArray, speed: float, joints: Sequence[Joint]) -> float:
     """Return the time [s] from `start` to `goal`, shape (n + 1,), of `joints`; servos at mean `speed` [rad/s]."""

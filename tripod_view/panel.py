@@ -23,7 +23,7 @@ class Panel:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._scales, self._answers = np.zeros(0), np.zeros(0)
+        self._scales, self._answers, self._digits = np.zeros(0), np.zeros(0), 1
         channel.show("colours", [f"rgb{colour}" for colour in SERVO_COLOURS])
 
     def show_scene(self, picture: Picture, *, has_servos: bool, has_target: bool, known: bool) -> None:
@@ -52,6 +52,7 @@ class Panel:
         joints = limits.table[:-1]
         self._scales = np.array([_scale(joint) for joint in joints])
         self._answers = np.array([joint.answer[0] for joint in joints])
+        self._digits = 3 if limits.others else 1
         low, high = self._scales * limits.lower[:-1], self._scales * limits.upper[:-1]
         self._channel.show("range", [[round(a, 2), round(b, 2)] for a, b in zip(low, high, strict=True)])
         self._channel.show("kinds", [_kind(i, joint) for i, joint in enumerate(joints)])
@@ -75,9 +76,7 @@ class Panel:
             "joints",
             {
                 "enabled": enabled,
-                "asked": _rounded(
-                    self._shown(asked), 3 if len(asked) and not np.allclose(self._scales, DEGREES) else 1
-                ),
+                "asked": _rounded(self._shown(asked), self._digits),
                 "angles": None if measured is None else _rounded(self._shown(measured[:-1]), 2),
                 "slide": None if place is None else round(1e3 * place, 2),
                 "torques": None if torques is None else _rounded(self._returned(torques), 4),

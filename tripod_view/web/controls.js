@@ -82,6 +82,11 @@ function servo(i) {
   const name = element("label", {}, `servo ${i}`), unit = element("span", { class: "unit" }, "°");
   const kind = () => (value("kinds") ?? [])[i] ?? { name: `servo ${i}`, unit: "°", step: STEP, digits: 1, back: "N m", servo: true };
   const move = (text) => send(kind().servo ? { servo: i, degrees: Number(text) } : { joint: i, value: Number(text) });
+  const limit = ([low, high]) => {
+    const { step, unit: shown, servo: turns } = kind();
+    [slider.min, slider.max] = [Math.ceil(low / step) * step, Math.floor(high / step + 1e-6) * step];
+    number.title = `${low} to ${high} ${turns ? "degrees" : shown}`;
+  };
   const isHeld = held(slider);
   slider.addEventListener("input", () => move(slider.value));
   number.addEventListener("change", () => number.value && move(number.value)); // "" is no 0
@@ -95,11 +100,6 @@ function servo(i) {
     if (i >= range.length) return;
     limit(range[i]);
   });
-  const limit = ([low, high]) => {
-    const { step, unit: shown, servo: turns } = kind();
-    [slider.min, slider.max] = [Math.ceil(low / step) * step, Math.floor(high / step + 1e-6) * step];
-    number.title = `${low} to ${high} ${turns ? "degrees" : shown}`;
-  };
   listen("kinds", (kinds) => {
     if (i >= kinds.length) return;
     const { name: text, unit: shown, step, servo: turns } = kinds[i];
