@@ -59,8 +59,8 @@ def refuse_others(bag: Bag, topic: str) -> None:
             others = sorted(set(told) - set(names.joint_names(len(told))))
             if others:
                 raise RecordError(
-                    f"{bag.info.path} commands {', '.join(others)}, which no driver moves so far; simulate the session "
-                    "again without --robot, or play one of servos alone"
+                    f"{bag.info.path} commands {', '.join(others)}, which no driver moves so far; simulate "
+                    "the session again with --to sim, or play one of servos alone"
                 )
             return
 

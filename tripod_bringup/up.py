@@ -158,7 +158,7 @@ def _run(options: UpOptions, screen: Screen) -> int:
     facts = Facts()
     if options.undriven:
         screen.line(
-            f"the driver knows servos only: {', '.join(options.undriven)} move in the simulation, no robot is driven"
+            f"simulated only: {', '.join(options.undriven)}; the driver knows servos, so it does not start"
         )
     with _graph(options, screen.line) as graph:
         supervisor = Supervisor(

@@ -51,18 +51,20 @@ LIMIT_PARAMETERS: Final = (
         high=3600.0,
         dynamic=True,
     ),
-    Parameter(
-        "range_time",
-        1.0,
-        "Time in which a joint other than servos and slide may pass through its range",
-        "s",
-        low=0.01,
-        high=600.0,
-        dynamic=True,
-    ),
     Parameter("park", [], "Park position: the angle of each servo [rad] and the slide [m]; empty: all 0"),
 )
 """To be part of a node's table; `limits_from` reads the values."""
+
+RANGE_TIME_PARAMETER: Final = Parameter(
+    "range_time",
+    1.0,
+    "Time in which a cable, chamber or force may pass through its range",
+    "s",
+    low=0.01,
+    high=600.0,
+    dynamic=True,
+)
+"""Of nodes that follow commands of other joints than servos."""
 
 JOINT_STATES_PARAMETER: Final = Parameter(
     "joint_states",

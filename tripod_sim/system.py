@@ -224,6 +224,10 @@ class System:
             for term, value in zip(self._actuated, joints[len(self.torques) :], strict=False):
                 term.value = float(value)
 
+    def paths(self, x: FloatArray) -> tuple[FloatArray | None, ...]:
+        """Return the line of each term that is an actuator, see `ActuatorTerm.path`, with nodes at `x` [m]."""
+        return tuple(term.path(x) for term in self._actuated)
+
     def runaway(self) -> str:
         """Return in words which actuators a failed solve is likely due to, as of the last `evaluate`; empty if none."""
         return "; ".join(words for term in self._actuated if (words := term.runaway()))
