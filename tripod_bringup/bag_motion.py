@@ -40,6 +40,7 @@ def joint_path(bag: Bag, wanted: Callable[[str], bool]) -> JointPath:
                 f"{bag.info.path} contains {len(topics)} robots, {', '.join(topics)}: choose one with --topics"
             )
         if topics:
+            refuse_others(bag, topics[0])
             times, joints = read(bag, topics[0])
             if len(times):
                 return _rising(times, joints, len(joints[0]) - (read is _commanded))
@@ -47,6 +48,21 @@ def joint_path(bag: Bag, wanted: Callable[[str], bool]) -> JointPath:
         f"{bag.info.path} contains no motion of the joints ({names.COMMANDS}, "
         f"{names.ROBOT_JOINT_STATES} or {TRAJECTORY}); record one of these topics"
     )
+
+
+def refuse_others(bag: Bag, topic: str) -> None:
+    """Raise RecordError where a topic commands joints that are no servos: a robot's driver has none."""
+    for heard in bag.messages(topic.__eq__):
+        message = bag.decoded(heard)
+        if topic.endswith(f"/{names.COMMANDS}"):
+            told = message.layout.dim[-1].label.split()[HEAD:] if message.layout.dim else []
+            others = sorted(set(told) - set(names.joint_names(len(told))))
+            if others:
+                raise RecordError(
+                    f"{bag.info.path} commands {', '.join(others)}, which no driver moves so far; simulate "
+                    "the session again with --to sim, or play one of servos alone"
+                )
+            return
 
 
 def _commanded(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from tripod_graph.names import count_servos, servo_names
+from tripod_graph.names import SLIDE, count_servos, servo_names
 from tripod_host.writing import replaced
 from tripod_record.errors import RecordError
 from tripod_record.table import Series
@@ -22,9 +22,18 @@ def panels(series: dict[str, Series]) -> list[tuple[str, str, list[Curve]]]:
     """Return title, unit and curves of each panel that has any."""
     poses = [(f"position.{axis}", f"pose.position.{axis}") for axis in "xyz"]
     told = {name for found in series.values() for name in found.values}
-    joints = [
-        f"position.{name}" for name in servo_names(count_servos(n.removeprefix("position.") for n in told))
-    ]
+    servos = servo_names(count_servos(n.removeprefix("position.") for n in told))
+    joints = [f"position.{name}" for name in servos]
+    others = sorted(
+        {
+            name
+            for topic, found in series.items()
+            if topic.endswith("/sim/joint_states")
+            for name in found.values
+            if name.startswith(("position.", "effort.")) and not name.rpartition(".")[2].isdigit()
+        }
+        - {f"{kind}.{name}" for kind in ("position", "effort") for name in (*servos, SLIDE)}
+    )
     found = [
         (
             "servo angles: simulated; of the robot dashed",
@@ -35,6 +44,7 @@ def panels(series: dict[str, Series]) -> list[tuple[str, str, list[Curve]]]:
                 for f in joints
             ],
         ),
+        *((f"other joints: {name}", "SI", [("sim/joint_states", name, "-", 1.0)]) for name in others),
         (
             "effector: simulated; target dashed, measured dotted",
             "mm",

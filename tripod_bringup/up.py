@@ -68,6 +68,7 @@ class UpOptions:
         subnet: Whether ROS discovery may leave this machine.
         values: Parameters, by node and name.
         verbose: Whether to show what the nodes log as information.
+        undriven: Joints of the scene that the driver does not know; it then does not run.
     """
 
     record: Path | None = None
@@ -80,6 +81,7 @@ class UpOptions:
     subnet: bool = False
     values: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     verbose: bool = False
+    undriven: tuple[str, ...] = ()
 
 
 @dataclass
@@ -148,12 +150,16 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
     return [
         [record] if options.record is not None else [],
         [sim, ik, *([view] if options.view else [])],
-        [driver],
+        [] if options.undriven else [driver],
     ]
 
 
 def _run(options: UpOptions, screen: Screen) -> int:
     facts = Facts()
+    if options.undriven:
+        screen.line(
+            f"simulated only: {', '.join(options.undriven)}; the driver knows servos, so it does not start"
+        )
     with _graph(options, screen.line) as graph:
         supervisor = Supervisor(
             stages(options, facts, graph.watch),

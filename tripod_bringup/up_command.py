@@ -78,6 +78,8 @@ def up_command(
         for node, given in chain.items():
             with naming(node):
                 check_values(node, given)
+        joints = servos_of(scene, words_of_set(values))
+        undriven = tuple(a.name for a in joints.others) if joints else ()
         script = joint_path(scene, words_of_set(values), servo, slide)
         if script and demo:
             raise ValueError("--demo moves the robot itself; leave out --servo")
@@ -108,6 +110,7 @@ def up_command(
         subnet=subnet,
         values=chain,
         verbose=verbose,
+        undriven=undriven,
     )
     try:
         return up(options, screen)
@@ -152,11 +155,11 @@ def chain_values(
     Raises ValueError where the driver is told another number of servos than the scene has.
     """
     joints = servos_of(scene, words_of_set(values))
-    servos = joints.count if joints else None
-    angles = angle_limits(joints) if joints else {}
-    count = {} if servos in (None, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
+    servos = len(joints.arms) if joints else None
+    angles = angle_limits(joints) if joints and joints.arms else {}
+    count = {} if servos in (None, 0, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
     told = str(values.get("driver", {}).get("servos", servos))
-    if servos is not None and told != str(servos):
+    if servos and told != str(servos):
         raise ValueError(f"driver.servos is {told}, but scene {scene!r} has {servos} servos; leave it out")
     model: dict[str, object] = {"scene": scene, **({"set": ";".join(overrides)} if overrides else {})}
     own: dict[str, object] = {} if "scene" in values.get("ik", {}) else {**model, **angles}
@@ -315,7 +318,10 @@ def servos_of(scene: str, overrides: Sequence[str]) -> "Joints | None":
 def angle_limits(joints: "Joints") -> dict[str, float]:
     """Return `angle_min` and `angle_max` [rad] of the servos, as parameters of a node that has others by default."""
     default = CommandLimits()
-    found = {"angle_min": float(joints.low.min()), "angle_max": float(joints.high.max())}
+    found = {
+        "angle_min": min(arm.low for arm in joints.arms),
+        "angle_max": max(arm.high for arm in joints.arms),
+    }
     return {name: angle for name, angle in found.items() if angle != getattr(default, name)}
 
 

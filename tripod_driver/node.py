@@ -155,6 +155,7 @@ class DriverNode(LifecycleNode):
             command.now,
             source=command.source,
             velocities=command.velocities,
+            efforts=command.efforts,
             age=command.age,
         )
         self._look_soon(command.now)

@@ -274,6 +274,7 @@ class Safety:
         *,
         source: str,
         velocities: Sequence[Sequence[float]] = (),
+        efforts: Sequence[Sequence[float]] = (),
         age: float = 0.0,
     ) -> str:
         """Follow a trajectory of `source` if that is allowed; return why it is not, else nothing.
@@ -285,14 +286,14 @@ class Safety:
         """
         self.look(now)
         if why := self.authority.admits(source, now) or self._deafness:
-            self._follower.check(names, times, positions, velocities=velocities, age=age)
+            self._follower.check(names, times, positions, velocities=velocities, efforts=efforts, age=age)
             self._ignored += 1
         else:
             place = self._follower.joints.copy()
             place[:-1] = np.clip(self.place, self._limits.angle_min, self._limits.angle_max)
             moment = self.moment(now)
             self._follower.accept(
-                names, times, positions, moment, velocities=velocities, age=age, place=place
+                names, times, positions, moment, velocities=velocities, efforts=efforts, age=age, place=place
             )
             self._notice, self._asked = "", True
         return why

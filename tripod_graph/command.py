@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_graph.names import SLIDE, joint_names, servo_names
+from tripod_graph.joint import Joint
+from tripod_graph.names import SLIDE, count_servos, servo_names
 from tripod_host.arrays import FloatArray
 
 LONGEST_TRAJECTORY = 600.0
@@ -53,10 +54,12 @@ class CommandLimits:
         slide_speed: Slew rate of the slide [m/s].
         timeout: Silence after which the joints hold [s].
         park_after: Time of holding after which they move to `park` [s].
-        park: Park position: the angle of each servo [rad] and the slide [m]; empty: all 0.
+        park: Park position: the angle of each servo [rad] and the slide [m]; empty: all 0. Kept with the park values of
+            `others` before the slide.
         servos: Smallest and largest angle [rad] and slew rate [rad/s] of each servo, where they are narrower; none, or
             all.
         count: Number of servos.
+        others: Joints that are no servos, between these and the slide in all arrays.
     """
 
     angle_min: float = -2.1
@@ -69,10 +72,13 @@ class CommandLimits:
     park: tuple[float, ...] = ()
     servos: tuple[tuple[float, float, float], ...] = ()
     count: int = 3
+    others: tuple[Joint, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.park:
-            object.__setattr__(self, "park", (0.0,) * (self.count + 1))
+        park = self.park or (0.0,) * (self.count + 1)
+        if self.others and len(park) == self.count + 1:
+            park = (*park[:-1], *(joint.park for joint in self.others), park[-1])
+        object.__setattr__(self, "park", park)
         for name in (
             "angle_min",
             "angle_max",
@@ -95,70 +101,123 @@ class CommandLimits:
         self.check(np.array(self.park, float), "park position")
 
     @cached_property
+    def table(self) -> tuple[Joint, ...]:
+        """All joints in the order of the arrays: the servos, the others, the slide."""
+        own = ((self.angle_min, self.angle_max, self.angle_speed),) * self.count
+        servos = (
+            Joint(name, "rad", *all_servos).within(*one)
+            for name, all_servos, one in zip(servo_names(self.count), own, self.servos or own, strict=True)
+        )
+        return (*servos, *self.others, Joint(SLIDE, "m", 0.0, self.slide_max, self.slide_speed))
+
+    @property
+    def size(self) -> int:
+        """Number of joints without the slide."""
+        return self.count + len(self.others)
+
+    @cached_property
     def lower(self) -> FloatArray:
-        """Smallest joint values, angles [rad] and the slide [m], shape (count + 1,)."""
-        return _fixed(*(max(self.angle_min, low) for low, _, _ in self._servos), 0.0)
+        """Smallest joint values [rad, m, N, Pa], shape (size + 1,)."""
+        return _fixed(*(joint.low for joint in self.table))
 
     @cached_property
     def upper(self) -> FloatArray:
-        """Largest joint values, angles [rad] and the slide [m], shape (count + 1,)."""
-        return _fixed(*(min(self.angle_max, high) for _, high, _ in self._servos), self.slide_max)
+        """Largest joint values, shape (size + 1,)."""
+        return _fixed(*(joint.high for joint in self.table))
 
     @cached_property
     def speed(self) -> FloatArray:
-        """Slew rates, shape (count + 1,) [rad/s, m/s]."""
-        return _fixed(*(min(self.angle_speed, speed) for _, _, speed in self._servos), self.slide_speed)
-
-    @property
-    def _servos(self) -> tuple[tuple[float, float, float], ...]:
-        return self.servos or ((self.angle_min, self.angle_max, self.angle_speed),) * self.count
+        """Slew rates, shape (size + 1,) [rad/s, m/s, N/s, Pa/s]."""
+        return _fixed(*(joint.speed for joint in self.table))
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints: the servos, then the slide."""
-        return joint_names(self.count)
+        """Names of the joints: the servos, the others, the slide."""
+        return tuple(joint.name for joint in self.table)
 
-    def of(self, count: int) -> "CommandLimits":
-        """Return the same for `count` servos. Raises CommandError where the park position is of another number."""
-        if count == self.count:
+    @cached_property
+    def has_efforts(self) -> bool:
+        """Whether a joint takes a force, a tension or a pressure."""
+        return any(joint.is_effort for joint in self.others)
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Names of the joints that a command must name: all but the slide."""
+        return self.joints[:-1]
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the joints that a command may name: a robot without servos has no slide."""
+        return self.joints if self.count else self.required
+
+    def of(self, count: int, others: tuple[Joint, ...] = ()) -> "CommandLimits":
+        """Return the same for `count` servos and other joints.
+
+        Raises CommandError where the park position is of another number.
+        """
+        if count == self.count and others == self.others:
             return self
-        return replace(self, count=count, servos=(), park=self.park if any(self.park) else ())
+        park = (*self.park[: self.count], self.park[-1])
+        kept = count == self.count
+        return replace(
+            self, count=count, others=others, servos=self.servos if kept else (),
+            park=park if kept or any(park) else (),
+        )  # fmt: skip
 
     def within(
-        self, lower: Sequence[float], upper: Sequence[float], speed: Sequence[float]
+        self,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        speed: Sequence[float],
+        names: Sequence[str] | None = None,
     ) -> "CommandLimits":
-        """Return what these limits share with angles [rad] and slew rates [rad/s] of the servos, shape (count,) each.
+        """Return what these limits share with ranges and slew rates of joints, shape (n,) each.
 
-        The park position moves to the nearest within. Raises CommandError if a servo has nothing left.
+        The park position moves to the nearest within.
+
+        Args:
+            lower, upper: Smallest and largest values [rad, m, N, Pa].
+            speed: Slew rates.
+            names: Of the joints: all servos, and any of the others; None: the servos.
+
+        Raises:
+            CommandError: a joint has nothing left, or these are other joints.
         """
-        if others := {len(lower), len(upper), len(speed)} - {self.count}:
-            raise CommandError(f"a range of {others.pop()} servos is given; the robot has {self.count}")
+        servos = servo_names(self.count)
+        names = servos if names is None or not len(names) else tuple(names)
+        if (given := {len(lower), len(upper), len(speed)}) != {len(names)} or names[: self.count] != servos:
+            count = (given - {self.count} or {count_servos(names)}).pop()
+            raise CommandError(f"a range of {count} servos is given; the robot has {self.count}")
+        told = {n: row for n, *row in zip(names, lower, upper, speed, strict=True)}
         shared = []
-        for i, (low, high, rate) in enumerate(zip(lower, upper, speed, strict=True)):
-            least, most = float(self.lower[i]), float(self.upper[i])
-            if not (max(low, least) < min(high, most) and rate > 0):  # NaN fails
+        for joint in self.table[:-1]:
+            low, high, rate = told.get(joint.name, (joint.low, joint.high, joint.speed))
+            both = joint.within(low, high, rate)
+            if not (max(low, joint.low) < min(high, joint.high) and rate > 0):  # NaN fails
                 raise CommandError(
-                    f"servo_{i} has the range {low:g} to {high:g} rad at {rate:g} rad/s, which does not overlap "
-                    f"with the own limits {least:g} to {most:g} rad"
+                    f"{joint.name} has the range {low:g} to {high:g} {joint.unit} at {rate:g} {joint.unit}/s, which "
+                    f"does not overlap with the own limits {joint.low:g} to {joint.high:g} {joint.unit}"
                 )
-            shared.append((max(low, least), min(high, most), min(rate, float(self.speed[i]))))
-        angles = [min(max(a, low), high) for a, (low, high, _) in zip(self.park, shared, strict=False)]
-        return replace(self, servos=tuple(shared), park=(*angles, self.park[-1]))
+            shared.append(both)
+        values = [min(max(v, j.low), j.high) for v, j in zip(self.park, shared, strict=False)]
+        ranges = tuple((j.low, j.high, j.speed) for j in shared[: self.count])
+        return replace(self, servos=ranges, others=tuple(shared[self.count :]), park=(*values, self.park[-1]))
 
     def inside(self, joints: FloatArray) -> NDArray[np.bool_]:
-        """Return which of `joints`, shape (..., count + 1), are finite and within the limits."""
-        return (joints >= self.lower - 1e-9) & (joints <= self.upper + 1e-9)  # NaN fails both
+        """Return which of `joints`, shape (..., size + 1), are finite and within the limits."""
+        tolerance = 1e-9 * np.array([1.0 if j.unit in ("rad", "m") else j.span for j in self.table])
+        return (joints >= self.lower - tolerance) & (joints <= self.upper + tolerance)  # NaN fails both
 
     def check(self, joints: FloatArray, what: str) -> None:
-        """Raise CommandError unless `joints`, shape (count + 1,), is finite and within the limits."""
-        if joints.shape != (self.count + 1,):
+        """Raise CommandError unless `joints`, shape (size + 1,), is finite and within the limits."""
+        if joints.shape != (self.size + 1,):
             names = ", ".join(self.joints)
-            raise CommandError(f"{what} has {joints.size} values; it needs {self.count + 1}: {names}")
+            raise CommandError(f"{what} has {joints.size} values; it needs {self.size + 1}: {names}")
         inside = self.inside(joints)
         if inside.all():
             return
         i = int(np.argmin(inside))
-        name, unit = self.joints[i], "m" if i == self.count else "rad"
+        name, unit = self.joints[i], self.table[i].unit
         allowed = f"{self.lower[i]:g} to {self.upper[i]:g} {unit}"
         raise CommandError(f"{what}: {name} is {joints[i]:g} {unit}; allowed: {allowed}")
 
@@ -180,7 +239,8 @@ class CommandFollower:
 
     Attributes:
         limits: Bounds of what may be commanded.
-        joints: The set-point: angles [rad] and the slide [m], shape (limits.count + 1,), as all that follows.
+        joints: The set-point: angles [rad], other joints [m, N, Pa] and the slide [m], shape (limits.size + 1,), as all
+            that follows.
         goal: What `joints` approaches at its limited speed.
         activity: What the follower is doing.
         trajectory: Stands for the trajectory that was taken last, also after its end; None: it was interrupted.
@@ -223,25 +283,29 @@ class CommandFollower:
         now: float,
         *,
         velocities: Sequence[Sequence[float]] = (),
+        efforts: Sequence[Sequence[float]] = (),
         age: float = 0.0,
         place: FloatArray | None = None,
     ) -> None:
         """Follow a trajectory.
 
         Args:
-            names: Joint names; all servos, in any order, and optionally the slide.
+            names: Joint names; all but the slide, in any order, and optionally the slide.
             times: Seconds from the start of each point, not falling, not negative.
-            positions: Joint values of each point [rad, m], in the order of `names`.
+            positions: Joint values of each point [rad, m], in the order of `names`; 0 or NaN for a joint that takes an
+                effort. May be empty where all do.
             now: The caller's steady time [s].
             velocities: Of each point [rad/s, m/s]; none, or those of all points.
+            efforts: Of each point [N, Pa], in the order of `names`; 0 or NaN for a joint that takes a position. May be
+                empty where all do.
             age: How long ago it begins [s], at most `LATE`; negative: it begins later.
-            place: Where the joints are, within the limits, shape (limits.count + 1,); None: at the set-point, which may
+            place: Where the joints are, within the limits, shape (limits.size + 1,); None: at the set-point, which may
                 be beyond what is let through to them.
 
         Raises:
             CommandError: the trajectory is refused; the motion goes on as before and `rejected` counts it.
         """
-        points, slopes = self.check(names, times, positions, velocities=velocities, age=age)
+        points, slopes = self.check(names, times, positions, velocities=velocities, efforts=efforts, age=age)
         if place is not None:
             self.joints = place.copy()
         start = (now, now - age) if age < 0 else (now - age,)
@@ -263,9 +327,10 @@ class CommandFollower:
         positions: Sequence[Sequence[float]],
         *,
         velocities: Sequence[Sequence[float]] = (),
+        efforts: Sequence[Sequence[float]] = (),
         age: float = 0.0,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return points and velocities of a trajectory, shape (n, count + 1), without following it; None: it has none.
+        """Return points and velocities of a trajectory, shape (n, size + 1), without following it; None: it has none.
 
         Raises:
             CommandError: the trajectory is refused; `rejected` counts it.
@@ -276,7 +341,7 @@ class CommandFollower:
                     f"the trajectory should have started {age:.3f} s ago; allowed: {LATE:g} s; check that the "
                     "clocks of both computers agree"
                 )
-            points = self._checked(names, times, positions, min(age, 0.0))
+            points = self._checked(names, times, positions, efforts, min(age, 0.0))
             return points, self._checked_velocities(names, velocities, len(points)) if len(
                 velocities
             ) else None
@@ -297,7 +362,7 @@ class CommandFollower:
             self.stop(now)
 
     def setpoint(self, now: float) -> FloatArray:
-        """Return the joint values at `now` [s], shape (count + 1,).
+        """Return the joint values at `now` [s], shape (size + 1,).
 
         Call it at a regular rate: the joints move by at most their speed times the time since the last call.
         """
@@ -357,16 +422,21 @@ class CommandFollower:
         self.joints = np.clip(self.joints + step / scale, self.limits.lower, self.limits.upper)
 
     def _checked(
-        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], begin: float
+        self,
+        names: Sequence[str],
+        times: Sequence[float],
+        positions: Sequence[Sequence[float]],
+        efforts: Sequence[Sequence[float]],
+        begin: float,
     ) -> FloatArray:
-        known, servos = self.limits.joints, servo_names(self.limits.count)
+        known, required = self.limits.known, self.limits.required
         if unknown := [n for n in names if n not in known]:
             raise JointNameError(f"unknown joint {unknown[0]!r:.60}; joints: {', '.join(known)}")
         if twice := [n for n in known if list(names).count(n) > 1]:
             raise JointNameError(f"joint {twice[0]!r} is named twice; a command names each joint once")
-        if missing := [n for n in servos if n not in names]:
+        if missing := [n for n in required if n not in names]:
             raise JointNameError(
-                f"joint {missing[0]!r} is missing; a command names all of {', '.join(servos)}"
+                f"joint {missing[0]!r} is missing; a command names all of {', '.join(required)}"
             )
         if len(times) == 0 or len(times) != len(positions):
             raise CommandError(
@@ -385,14 +455,40 @@ class CommandFollower:
         points = np.tile(self.joints, (len(t), 1))
         order = [known.index(n) for n in names]
         for i, row in enumerate(positions):
-            if len(row) != len(names):
-                raise CommandError(f"point {i} has {len(row)} positions for {len(names)} joints")
-            points[i, order] = row
+            points[i, order] = self._values(names, row, efforts[i] if i < len(efforts) else (), i)
         inside = self.limits.inside(points).all(axis=1)
         if not inside.all():
             i = int(np.argmin(inside))
             self.limits.check(points[i], f"point {i}")
         return points
+
+    def _values(
+        self, names: Sequence[str], positions: Sequence[float], efforts: Sequence[float], point: int
+    ) -> Sequence[float]:
+        """Return the value of each of `names` out of positions and efforts of a point."""
+        table = {joint.name: joint for joint in self.limits.table}
+        if not len(efforts) and not self.limits.has_efforts:
+            if len(positions) != len(names):
+                raise CommandError(f"point {point} has {len(positions)} positions for {len(names)} joints")
+            return positions
+        values = []
+        for i, joint in enumerate(table[name] for name in names):
+            words = ("effort", "position") if joint.is_effort else ("position", "effort")
+            own, other = (efforts, positions) if joint.is_effort else (positions, efforts)
+            for what, row in zip(words, (own, other), strict=True):
+                if len(row) != len(names) and (what == words[0] or len(row)):
+                    plural = what if what == "effort" else "positions"
+                    raise CommandError(
+                        f"point {point} has {len(row)} {plural} for {len(names)} joints; {joint.name} takes "
+                        f"a {joint.quantity} [{joint.unit}] as {words[0]}"
+                    )
+            if len(other) and not (other[i] == 0 or np.isnan(other[i])):
+                raise CommandError(
+                    f"point {point}: {joint.name} has the {words[1]} {other[i]:g}, but takes a {joint.quantity} "
+                    f"[{joint.unit}] as {words[0]}: set its {words[1]} to 0 or NaN"
+                )
+            values.append(own[i])
+        return values
 
     def _checked_velocities(
         self, names: Sequence[str], velocities: Sequence[Sequence[float]], count: int
@@ -400,6 +496,12 @@ class CommandFollower:
         known = self.limits.joints
         order = [known.index(n) for n in names]
         slopes = np.zeros((count, len(known)))
+        if self.limits.has_efforts:
+            name = next(joint.name for joint in self.limits.table if joint.is_effort)
+            raise CommandError(
+                f"the points of the trajectory have velocities, which {name} cannot have, since it takes an "
+                "effort: leave them out"
+            )
         if len(velocities) != count:
             raise CommandError(
                 f"{len(velocities)} points of {count} have velocities; all must have them, or none"
@@ -410,7 +512,7 @@ class CommandFollower:
             slopes[i, order] = row
         if not (ok := np.abs(slopes) <= self.limits.speed + 1e-9).all():  # NaN fails
             i, k = divmod(int(np.argmin(ok)), len(known))
-            unit = "m/s" if known[k] == SLIDE else "rad/s"
+            unit = f"{self.limits.table[k].unit}/s"
             most = f"{self.limits.speed[k]:g} {unit}"
             raise CommandError(
                 f"point {i}: velocity of {known[k]} is {slopes[i, k]:g} {unit}; allowed: up to {most}"

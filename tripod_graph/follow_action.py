@@ -10,21 +10,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from tripod_graph.cdr import MOST_POINTS
 from tripod_graph.command import CommandError, JointNameError, LateError
 from tripod_graph.control_mode import clocks
 from tripod_graph.goal import Motion, Outcome, Tolerances, judge, tolerances
 from tripod_graph.goal_request import BoundedTrajectory
-from tripod_graph.trajectory import Command, command_of, seconds
-from tripod_host.arrays import FloatArray
+from tripod_graph.joint import Joint
+from tripod_graph.trajectory import Command, command_of, point_of, seconds
 
 PERIOD = 0.05
 """Time between two feedbacks of a goal, and two looks at whether it has ended [s]."""
@@ -158,12 +157,13 @@ class FollowAction:
 
     def _feedback(self, goal: _Goal, motion: Motion) -> FollowJointTrajectory.Feedback:
         asked = goal.handle.request.trajectory.joint_names
-        named = [i for i in range(len(motion.actual)) if motion.joints[i] in asked]
+        named = [i for i in range(len(motion.actual)) if motion.joints[i].name in asked]
         desired, actual = motion.desired[named], motion.actual[named]
-        feedback = FollowJointTrajectory.Feedback(joint_names=[motion.joints[i] for i in named])
+        feedback = FollowJointTrajectory.Feedback(joint_names=[motion.joints[i].name for i in named])
         feedback.header.stamp = self._node.get_clock().now().to_msg()
-        feedback.desired, feedback.actual = _point(desired), _point(actual)
-        feedback.error = _point(desired - actual)
+        joints = [motion.joints[i] for i in named]
+        feedback.desired, feedback.actual = point_of(desired, joints), point_of(actual, joints)
+        feedback.error = point_of(desired - actual, joints)
         return feedback
 
 
@@ -178,7 +178,7 @@ def _command(message: JointTrajectory, wall: float, now: float) -> Command:
     return command_of(message, wall, now)
 
 
-def _tolerances(goal: FollowJointTrajectory.Goal, joints: Sequence[str]) -> Tolerances:
+def _tolerances(goal: FollowJointTrajectory.Goal, joints: Sequence[Joint]) -> Tolerances:
     for what in ("multi_dof_trajectory", "component_path_tolerance", "component_goal_tolerance"):
         given = getattr(goal, what)
         if len(given.points if what == "multi_dof_trajectory" else given):
@@ -192,7 +192,3 @@ def _outcome(error: ValueError) -> Outcome:
     if isinstance(error, JointNameError):
         return Outcome.INVALID_JOINTS
     return Outcome.OLD_HEADER_TIMESTAMP if isinstance(error, LateError) else Outcome.INVALID_GOAL
-
-
-def _point(positions: FloatArray | Sequence[float]) -> JointTrajectoryPoint:
-    return JointTrajectoryPoint(positions=np.asarray(positions, float).tolist())

@@ -7,11 +7,15 @@ from enum import IntEnum
 import numpy as np
 
 from tripod_graph.command import CommandError, CommandFollower
+from tripod_graph.joint import Joint
 from tripod_graph.names import SLIDE
 from tripod_host.arrays import FloatArray
 
 GOAL_ANGLE, GOAL_SLIDE = 0.01, 1e-4
 """How near to the last point a trajectory ends unless the goal says otherwise [rad], [m]; whole degrees are."""
+
+GOAL_SHARE = 0.005
+"""The same of joints other than servos and the slide, as a share of their range."""
 
 
 class Outcome(IntEnum):
@@ -32,7 +36,7 @@ class Motion:
     Attributes:
         trajectory: Which one it follows, see `CommandFollower`; None: none.
         silent: Whether the time for the next command is over, so that the joints hold.
-        joints: Their names, the slide last.
+        joints: All, the slide last.
         desired: Where the joints should be now [rad, m].
         end: Where the trajectory ends.
         actual: Where those are of which it is known, the servos first, with the slide or without.
@@ -40,7 +44,7 @@ class Motion:
         why: Who is in charge, or what is wrong, for people.
     """
 
-    joints: tuple[str, ...]
+    joints: tuple[Joint, ...]
     trajectory: object
     silent: bool
     desired: FloatArray
@@ -54,7 +58,7 @@ def motion_of(
     follower: CommandFollower, actual: Sequence[float] | FloatArray, now: float, why: str
 ) -> Motion:
     """Return what `follower` does at `now` [s]."""
-    here, joints = np.array(actual, float), follower.limits.joints
+    here, joints = np.array(actual, float), follower.limits.table
     silent = follower.is_silent(now)
     return Motion(joints, follower.trajectory, silent, follower.goal.copy(), follower.end, here, now, why)
 
@@ -75,7 +79,7 @@ class Tolerances:
 
 
 def tolerances(
-    joints: Sequence[str], path: Mapping[str, float], goal: Mapping[str, float], time: float
+    joints: Sequence[Joint], path: Mapping[str, float], goal: Mapping[str, float], time: float
 ) -> Tolerances:
     """Return the tolerances that a goal asks for: 0 means the default (none on the way), negative means none.
 
@@ -84,7 +88,7 @@ def tolerances(
     """
     none, arrived = (
         np.full(len(joints), np.inf),
-        np.array([GOAL_SLIDE if j == SLIDE else GOAL_ANGLE for j in joints]),
+        np.array([_default_goal(joint) for joint in joints]),
     )
     return Tolerances(
         _of_joints("path_tolerance", joints, path, none),
@@ -112,23 +116,29 @@ def judge(
 
 
 def _of_joints(
-    name: str, joints: Sequence[str], asked: Mapping[str, float], default: FloatArray
+    name: str, joints: Sequence[Joint], asked: Mapping[str, float], default: FloatArray
 ) -> FloatArray:
-    found = default.copy()
+    found, known = default.copy(), [joint.name for joint in joints]
     for joint, value in asked.items():
-        if joint not in joints:
-            raise CommandError(f"{name} names the unknown joint {joint!r:.60}; joints: {', '.join(joints)}")
+        if joint not in known:
+            raise CommandError(f"{name} names the unknown joint {joint!r:.60}; joints: {', '.join(known)}")
         if np.isnan(value):
             raise CommandError(f"{name} of {joint} is nan; allowed: any number")
         if value:
-            found[joints.index(joint)] = value if value > 0 else np.inf
+            found[known.index(joint)] = value if value > 0 else np.inf
     return found
+
+
+def _default_goal(joint: Joint) -> float:
+    if joint.name == SLIDE:
+        return GOAL_SLIDE
+    return GOAL_ANGLE if joint.unit == "rad" else GOAL_SHARE * joint.span
 
 
 def _beyond(name: str, motion: Motion, asked: FloatArray, allowed: FloatArray) -> str:
     """Return which joint is farther from where it is asked to be than `allowed`, in words; empty if none is."""
     for joint, here, there, most in zip(motion.joints, motion.actual, asked, allowed, strict=False):
         if not abs(here - there) <= most:  # the negation also catches NaN
-            unit = "m" if joint == SLIDE else "rad"
-            return f"{joint} is at {here:.4f} {unit}, but should be at {there:.4f}; {name} is {most:g} {unit}"
+            unit = joint.unit
+            return f"{joint.name} is at {here:.4f} {unit}, but should be at {there:.4f}; {name} is {most:g} {unit}"
     return ""

@@ -1,11 +1,12 @@
 """Parameters that are the same in every node that follows commands."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Final
 
 from tripod_graph import names
 from tripod_graph.command import CommandLimits
+from tripod_graph.joint import Joint
 from tripod_graph.parameters import Parameter
 
 _DEFAULTS = CommandLimits()
@@ -54,6 +55,17 @@ LIMIT_PARAMETERS: Final = (
 )
 """To be part of a node's table; `limits_from` reads the values."""
 
+RANGE_TIME_PARAMETER: Final = Parameter(
+    "range_time",
+    1.0,
+    "Time in which a cable, chamber or force may pass through its range",
+    "s",
+    low=0.01,
+    high=600.0,
+    dynamic=True,
+)
+"""Of nodes that follow commands of other joints than servos."""
+
 JOINT_STATES_PARAMETER: Final = Parameter(
     "joint_states",
     False,
@@ -61,15 +73,20 @@ JOINT_STATES_PARAMETER: Final = Parameter(
 )
 
 
-def limits_from(values: Mapping[str, Any], count: int | None = None) -> CommandLimits:
+def limits_from(
+    values: Mapping[str, Any], count: int | None = None, others: tuple[Joint, ...] = ()
+) -> CommandLimits:
     """Return the limits that the parameters set for `count` servos, None: as many as the park position has, or three.
+
+    The slew rates of `others`, joints that are no servos, are those of the parameter `range_time`.
 
     Raises CommandError if they contradict each other.
     """
     park = tuple(values["park"])
     servos = count if count is not None else len(park) - 1 if park else _DEFAULTS.count
+    others = tuple(replace(joint, speed=joint.span / values["range_time"]) for joint in others)
     own = {parameter.name for parameter in LIMIT_PARAMETERS}
     chosen = {
         field.name: values[field.name] for field in fields(CommandLimits) if field.name in own & set(values)
     }
-    return CommandLimits(**{**chosen, "park": park, "count": servos})
+    return CommandLimits(**{**chosen, "park": park, "count": servos, "others": others})

@@ -1,10 +1,12 @@
 """The driver's range: what it says that it accepts, which all who command and the simulated robot keep to. Pure."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.joint import Joint
 from tripod_host.arrays import FloatArray
 
 SILENT = 2.0
@@ -22,7 +24,7 @@ class RangeWatch:
     def __init__(self, own: CommandLimits) -> None:
         self._own = self.limits = own
         self.notice = ""
-        self._told: tuple[tuple[float, ...], ...] = ()
+        self._told: tuple[tuple[Any, ...], ...] = ()
         self._heard = float("-inf")
 
     @property
@@ -31,15 +33,20 @@ class RangeWatch:
         return self.limits is not self._own
 
     def hear(
-        self, lower: Sequence[float], upper: Sequence[float], speed: Sequence[float], now: float
+        self,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        speed: Sequence[float],
+        now: float,
+        names: Sequence[str] = (),
     ) -> bool:
-        """Take angles [rad] and slew rates [rad/s] of a RobotStatus, shape (count,) each.
+        """Take ranges [rad, m, N, Pa] and slew rates of a RobotStatus, shape (n,) each, of the joints `names`.
 
-        Return whether the limits changed.
+        Without names they are of the servos. Return whether the limits changed.
         """
         if not len(lower):  # it does not tell
             return False
-        told = tuple(lower), tuple(upper), tuple(speed)
+        told = tuple(lower), tuple(upper), tuple(speed), tuple(names)
         self._heard = now
         if told == self._told:
             return False
@@ -52,9 +59,9 @@ class RangeWatch:
         self._own = own
         self._narrow()
 
-    def resize(self, servos: int) -> None:
-        """Be for another number of servos from now on. Raises CommandError where the own park position is of others."""
-        self.adopt(self._own.of(servos))
+    def resize(self, servos: int, others: tuple[Joint, ...] = ()) -> None:
+        """Be for other joints from now on. Raises CommandError where the own park position is of others."""
+        self.adopt(self._own.of(servos, others))
 
     def lapse(self, now: float) -> bool:
         """Return whether the limits changed because the driver is gone. Call it regularly."""
@@ -77,7 +84,7 @@ class Fence:
     """What the driver does before it sends: the nearest within its range, at a limited speed also when that changes.
 
     Attributes:
-        place: What it let through last, shape (count + 1,); None: nothing yet.
+        place: What it let through last, shape (size + 1,); None: nothing yet.
     """
 
     def __init__(self) -> None:
@@ -87,7 +94,7 @@ class Fence:
     def nearest(
         self, joints: FloatArray, limits: CommandLimits, now: float, longest_step: float = 0.1
     ) -> FloatArray:
-        """Return where to be at `now` [s] when asked for `joints`, shape (count + 1,). Call it at a regular rate."""
+        """Return where to be at `now` [s] when asked for `joints`, shape (size + 1,). Call it at a regular rate."""
         asked = np.clip(joints, limits.lower, limits.upper)
         if self.place is not None:
             step = limits.speed * min(max(0.0, now - self._at), longest_step)
@@ -97,10 +104,12 @@ class Fence:
 
 
 def cut(joints: FloatArray, limits: CommandLimits) -> str:
-    """Return which servo is asked for more than `limits` allow; empty if none is."""
-    servos = limits.joints[:-1]
-    for name, angle, low, high in zip(servos, joints, limits.lower, limits.upper, strict=False):
-        if not low - 1e-9 <= angle <= high + 1e-9:
-            safe = f"its safe range is {low:.3f} to {high:.3f} rad"
-            return f"{name} is commanded to {angle:.3f} rad, {safe}; the nearest allowed angle is sent"
+    """Return which joint is asked for more than `limits` allow; empty if none is."""
+    inside = limits.inside(joints)
+    for joint, value, fits in zip(limits.table[:-1], joints, inside, strict=False):
+        if not fits:
+            unit = joint.unit
+            safe = f"its safe range is {joint.low:.3f} to {joint.high:.3f} {unit}"
+            sent = f"the nearest allowed {joint.quantity} is sent"
+            return f"{joint.name} is commanded to {value:.3f} {unit}, {safe}; {sent}"
     return ""

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from builtin_interfaces.msg import Duration, Time
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tripod_graph import names
 from tripod_graph.cdr import check_size
 from tripod_graph.command import CommandError
 from tripod_graph.control_mode import clocks
+from tripod_graph.joint import Joint
 from tripod_graph.qos import RELIABLE
+from tripod_host.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Command:
         times: Of each point from the start [s].
         positions: Joint values of each point.
         velocities: Of each point; none, or of all.
+        efforts: Of each point; none, or of all.
         age: How long ago it begins [s]; negative: it begins later.
         now: The steady time at which it came [s].
     """
@@ -34,6 +37,7 @@ class Command:
     times: Sequence[float]
     positions: Sequence[Sequence[float]]
     velocities: Sequence[Sequence[float]]
+    efforts: Sequence[Sequence[float]]
     age: float
     now: float
 
@@ -54,11 +58,10 @@ def obey(node: Node, follow: Callable[[Command], object], refuse: Callable[[Comm
 def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
     """Return what a message commands, received at these times. Raises CommandError for what is not used."""
     points = message.points
-    for what in ("accelerations", "effort"):
-        if any(len(getattr(point, what)) for point in points):
-            raise CommandError(
-                f"the points of the trajectory have {what}, which are not supported: leave them out"
-            )
+    if any(len(point.accelerations) for point in points):
+        raise CommandError(
+            "the points of the trajectory have accelerations, which are not supported: leave them out"
+        )
     stamp = seconds(message.header.stamp)
     moving = [point.velocities for point in points if len(point.velocities)]
     return Command(
@@ -67,8 +70,20 @@ def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
         [seconds(point.time_from_start) for point in points],
         [point.positions for point in points],
         moving,
+        [point.effort for point in points] if any(len(point.effort) for point in points) else [],
         wall - stamp if stamp else 0.0,
         now,
+    )
+
+
+def point_of(values: Sequence[float] | FloatArray, joints: Sequence[Joint]) -> JointTrajectoryPoint:
+    """Return a point with the values of `joints`, shape (n,): positions, and efforts of joints that take one."""
+    pairs = [(float(value), joint.is_effort) for value, joint in zip(values, joints, strict=True)]
+    return JointTrajectoryPoint(
+        positions=[0.0 if is_effort else value for value, is_effort in pairs],
+        effort=[value if is_effort else 0.0 for value, is_effort in pairs]
+        if any(e for _, e in pairs)
+        else [],
     )
 
 

@@ -1,4 +1,4 @@
-"""The deformed surface, the maze, the ball and the sets that a scene watches as markers, for RViz and Foxglove.
+"""Deformed surface, maze, ball, cables and the sets that a scene watches as markers, for RViz and Foxglove.
 
 A marker has one Point object for each corner of each triangle; making a thousand of them thirty times a second
 would keep the physics thread waiting. The message is therefore serialised once, and each time only stamps, poses and
@@ -6,7 +6,7 @@ the points of the body are overwritten. To be found again they are serialised as
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tripod_graph.names import WORLD
-from tripod_host.arrays import IndexArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_runtime.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 BODY = ColorRGBA(r=0.85, g=0.75, b=0.62, a=1.0)
 MAZE = ColorRGBA(r=0.72, g=0.55, b=0.36, a=1.0)
 BALL = ColorRGBA(r=0.80, g=0.16, b=0.16, a=1.0)
+CABLE = ColorRGBA(r=0.15, g=0.15, b=0.18, a=1.0)
 SET = ColorRGBA(r=0.13, g=0.40, b=0.67, a=1.0)
 
 DOT = 0.02
@@ -48,8 +49,17 @@ class SceneMarkers:
         maze: "BoardMesh | None" = None,
         ball_radius: float | None = None,
         sets: Mapping[str, IndexArray] | None = None,
+        cables: Callable[[FloatArray], Mapping[str, FloatArray]] | None = None,
     ) -> None:
-        """`maze` is fastened to the effector; `ball_radius` [m]; `sets`: nodes by name, a dot in the middle of each."""
+        """Prepare the message.
+
+        Args:
+            mesh: The body.
+            maze: Fastened to the effector.
+            ball_radius: [m].
+            sets: Nodes by name, a dot in the middle of each.
+            cables: Returns the points of each cable by name from the positions of the nodes, both in [m].
+        """
         self._corners = mesh.surface.ravel()
         markers = [_marker("body", Marker.TRIANGLE_LIST, BODY)]
         markers[0].points = [Point(x=PLACE)] * len(self._corners)
@@ -64,6 +74,12 @@ class SceneMarkers:
         size = DOT * float(np.ptp(mesh.nodes, axis=0).max())
         for i, name in enumerate(sets or {}):
             markers.append(_marker(f"set {name}", Marker.SPHERE, SET, place=PLACE + 3 + i, scale=size))
+        self._cables = cables
+        lines = cables(mesh.nodes) if cables else {}
+        first = PLACE + 3 + len(self._sets)
+        for i, (name, points) in enumerate(lines.items()):
+            markers.append(_marker(f"cable {name}", Marker.LINE_STRIP, CABLE, scale=0.25 * size))
+            markers[-1].points = [Point(x=first + i)] * len(points)
         for i, marker in enumerate(markers):
             marker.header.stamp.sec, marker.header.stamp.nanosec = SECONDS + i, NANOSECONDS
         self._buffer = bytearray(serialize_message(MarkerArray(markers=markers)))
@@ -72,6 +88,7 @@ class SceneMarkers:
         self._maze_pose = self._find("<d", PLACE + 1) if maze else None
         self._ball_pose = self._find("<d", PLACE + 2) if ball_radius is not None else None
         self._middles = [self._find("<d", PLACE + 3 + i) for i in range(len(self._sets))]
+        self._lines = [self._find("<d", first + i) for i in range(len(lines))]
 
     def _find(self, form: str, *values: float) -> int:
         return self._buffer.index(struct.pack(form, *values))
@@ -87,6 +104,10 @@ class SceneMarkers:
         self._put(self._ball_pose, snapshot.ball)
         for place, nodes in zip(self._middles, self._sets, strict=True):
             struct.pack_into("<3d", self._buffer, place, *snapshot.positions[nodes].mean(axis=0).tolist())
+        if self._cables and self._lines:
+            for place, line in zip(self._lines, self._cables(snapshot.positions).values(), strict=True):
+                data = np.ascontiguousarray(line, dtype="<f8").tobytes()
+                self._buffer[place : place + len(data)] = data
         return bytes(self._buffer)
 
     def _put(self, place: int | None, pose: Pose | None) -> None:

@@ -18,6 +18,7 @@ from tripod_runtime.notices import known
 from tripod_runtime.realtime import Snapshot
 from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.simulation import Pose, Skin
+from tripod_sim.tables.joints import Joints
 from tripod_study.summary.errors import mesh_error
 
 
@@ -68,15 +69,25 @@ class PoseTeller:
 class JointTeller:
     """Joint states as messages: one and the same message, as `PoseTeller`."""
 
-    def __init__(self, servos: int) -> None:
-        """`servos`: how many there are."""
-        self._message = JointState(header=header(0), name=[*servo_names(servos), SLIDE])
+    def __init__(self, joints: Joints | None) -> None:
+        """`joints`: of the scene; None: it has none."""
+        self._joints = joints
+        self._slides = not joints or bool(joints.arms)
+        names = [a.name for a in joints.actuators] if joints else []
+        self._message = JointState(header=header(0), name=[*names, *([SLIDE] if self._slides else [])])
 
     def message(self, snapshot: Snapshot) -> JointState:
-        """Return angles, slide and torques; the slide has no effort of its own. Good until the next call."""
+        """Return where the joints are and what they do there, see `Joints.moved`; the slide has no effort of its own.
+
+        Good until the next call.
+        """
         set_stamp(self._message.header, snapshot.stamp)
-        self._message.position = array.array("d", snapshot.joints[: len(self._message.name)].tolist())
-        self._message.effort = array.array("d", [*snapshot.efforts.tolist(), 0.0])
+        positions, efforts = snapshot.joints[:-1], snapshot.efforts
+        if self._joints and self._joints.others:
+            positions, efforts = self._joints.moved(positions, efforts)
+        slide, none = ([float(snapshot.joints[-1])], [0.0]) if self._slides else ([], [])
+        self._message.position = array.array("d", [*positions.tolist(), *slide])
+        self._message.effort = array.array("d", [*efforts.tolist(), *none])
         return self._message
 
 
@@ -88,14 +99,14 @@ def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
     )  # fmt: skip
 
 
-def compliance_message(snapshot: Snapshot) -> Compliance | None:
-    """Return the compliance of the snapshot, or None if it has none."""
+def compliance_message(snapshot: Snapshot, joints: Joints | None = None) -> Compliance | None:
+    """Return the compliance of the snapshot, or None if it has none; its rows are `joints`, None: servos."""
     c = snapshot.compliance
     if c is None:
         return None
     soft = c.stability_margin
     return Compliance(
-        header=header(snapshot.stamp), joint_names=list(servo_names(len(c.angles))), angles=flat(c.angles),
+        header=header(snapshot.stamp), joint_names=_actuator_names(len(c.angles), joints), angles=flat(c.angles),
         efforts=flat(c.efforts), effector=pose_message(Pose(c.position, c.quaternion)),
         equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide,
         stability_margin=soft.value if soft else 1.0, stability_margin_slope=flat(soft.slope) if soft else [],
@@ -103,10 +114,10 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
     )  # fmt: skip
 
 
-def commands_message(rows: FloatArray) -> Float64MultiArray:
-    """Return rows of the input log, shape (n, k); the labels tell rows and columns."""
+def commands_message(rows: FloatArray, joints: Joints | None = None) -> Float64MultiArray:
+    """Return rows of the input log, shape (n, k), of `joints`, None: servos; the labels tell rows and columns."""
     count, width = rows.shape
-    columns = " ".join(("epoch", "first", "last", "stamp_ns", *_joint_names(width - HEAD)))
+    columns = " ".join(("epoch", "first", "last", "stamp_ns", *_joint_names(width - HEAD, joints)))
     layout = [
         MultiArrayDimension(label="runs", size=count, stride=count * width),
         MultiArrayDimension(label=columns, size=width, stride=width),
@@ -114,9 +125,13 @@ def commands_message(rows: FloatArray) -> Float64MultiArray:
     return Float64MultiArray(layout=MultiArrayLayout(dim=layout), data=flat(rows))
 
 
-def _joint_names(count: int) -> tuple[str, ...]:
-    """Return the names of `count` joints: servos and the slide; none of a scene without servos."""
-    return (*servo_names(count - 1), SLIDE) if count else ()
+def _joint_names(count: int, joints: Joints | None) -> tuple[str, ...]:
+    """Return the names of `count` joints: actuators and the slide; none of a scene without actuators."""
+    return (*_actuator_names(count - 1, joints), SLIDE) if count else ()
+
+
+def _actuator_names(count: int, joints: Joints | None) -> list[str]:
+    return [a.name for a in joints.actuators] if joints else list(servo_names(count))
 
 
 def checkpoint_message(checkpoint: Checkpoint) -> UInt8MultiArray:

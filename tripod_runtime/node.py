@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor
@@ -25,6 +26,7 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
 from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion, motion_of
+from tripod_graph.joint import Joint
 from tripod_graph.limits import limits_from
 from tripod_graph.liveliness import Rival
 from tripod_graph.mode import Decision, Mode, ModeTracker
@@ -55,7 +57,7 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene.file import load_scene, naming_file, override_words
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.joints import Joints
-from tripod_sim.tables.short_forms import effector_of, joints_of
+from tripod_sim.tables.short_forms import effector_of
 from tripod_study.summary.errors import effector_error, mesh_error
 from tripod_study.summary.stability import snap_words
 
@@ -101,9 +103,11 @@ class SimNode(Node):
             names.SIM_JOINT_STATES,
             *([names.JOINT_STATES] if values["joint_states"] else []),
         )
-        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.efforts))
+        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(simulation.joints)
         self._join_graph(simulation)
-        self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
+        self._transforms = (
+            Transforms(self, scene, values["frame_prefix"]) if self._arms and _described(self._arms) else None
+        )
         self._physics = RealTime(
             simulation,
             self._setpoint if resimulation is None else self._recorded,
@@ -151,11 +155,6 @@ class SimNode(Node):
             self._changes = list(begin.changes)
             return begin.simulation
         scene = load_scene(self._source, self._overrides)
-        if (joints := joints_of(scene)) and joints.others:
-            raise ParameterError(
-                f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)} beside servos, which nodes do "
-                "not command so far: simulate it with `tripod run --actuate`"
-            )
         try:
             with naming_file(self._source, self._overrides):
                 simulation = Simulation(scene)
@@ -231,7 +230,7 @@ class SimNode(Node):
     @property
     def speeds(self) -> list[float]:
         """Slew rates of its servos [rad/s]."""
-        return [float(speed) for speed in self._limits.speed[:-1]]
+        return [float(speed) for speed in self._limits.speed[: self._limits.count]]
 
     def leave(self) -> None:
         """Tell whose goal is followed that it ends."""
@@ -277,7 +276,7 @@ class SimNode(Node):
         self._introspection.keep(snapshot)
         if self._resimulation:
             self._resimulation.compare()
-        if (c := messages.compliance_message(snapshot)) is not None:
+        if (c := messages.compliance_message(snapshot, self._arms)) is not None:
             self._compliance.publish(c)
         if snapshot.step % self._pose_every == 0:
             if snapshot.effector:
@@ -310,8 +309,8 @@ class SimNode(Node):
     def _follow(self, command: Command) -> str:
         if not self._arms:
             raise CommandError(
-                f"scene {self._physics.simulation.scene.name!r} has no servos, so commands have no effect; "
-                "take a scene with [servos]"
+                f"scene {self._physics.simulation.scene.name!r} has no actuators, so commands have no effect; "
+                "take a scene with [servos], [[cable]], [[chamber]] or [[force]]"
             )
         with self._lock:
             self._look(command.now)
@@ -323,6 +322,7 @@ class SimNode(Node):
                 command.positions,
                 self._moment(command.now),
                 velocities=command.velocities,
+                efforts=command.efforts,
                 age=command.age,
                 place=self._fence.place,
             )
@@ -341,7 +341,9 @@ class SimNode(Node):
 
     def _on_robot_status(self, message: RobotStatus) -> None:
         with self._lock:
-            changed = self._range.hear(message.lower, message.upper, message.speed, time.monotonic())
+            changed = self._range.hear(
+                message.lower, message.upper, message.speed, time.monotonic(), message.joint_names
+            )
         if changed and self._range.notice:
             self.get_logger().warning(self._range.notice)
 
@@ -455,7 +457,7 @@ class SimNode(Node):
         if checkpoint := self._physics.take_checkpoint():  # first: it belongs before the last of the rows
             self._checkpoint.publish(messages.checkpoint_message(checkpoint))
         if len(rows):
-            self._commands.publish(messages.commands_message(rows))
+            self._commands.publish(messages.commands_message(rows, self._arms))
 
     def _state(self) -> int:
         if self._physics.activity is realtime.Activity.FAILED:
@@ -482,8 +484,19 @@ class SimNode(Node):
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal, authority=authority_message(self._authority),
-            lower=self._range.limits.lower[:-1], upper=self._range.limits.upper[:-1],
+            **self._told_joints(),
         )  # fmt: skip
+
+    def _told_joints(self) -> dict[str, Any]:
+        """Return the fields of the status about the joints, the slide left out."""
+        joints = self._range.limits.table[:-1]
+        return {
+            "joint_names": [joint.name for joint in joints],
+            "units": [joint.unit for joint in joints],
+            "lower": [joint.low for joint in joints],
+            "upper": [joint.high for joint in joints],
+            "speed": [joint.speed for joint in joints],
+        }
 
     def _log_notes(self) -> None:
         """Log the notes on the scene that are new: some come while it runs."""
@@ -544,6 +557,11 @@ class SimNode(Node):
         return Level.OK, "running" if running else "paused", values
 
 
+def _described(joints: Joints) -> bool:
+    """Return whether URDF has a joint for any of them."""
+    return bool(joints.arms) or any(a.unit == "m" for a in joints.others)
+
+
 def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None) -> CommandLimits:
     """Return the limits that the parameters set, narrowed to what the scene allows.
 
@@ -551,7 +569,8 @@ def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None
     """
     if not joints:
         return limits_from(values)
-    limits = limits_from(values, joints.count)
+    others = tuple(Joint(a.name, a.unit, a.low, a.high, np.inf) for a in joints.others)
+    limits = limits_from(values, len(joints.arms), others)
     for arm in joints.arms:
         if not max(limits.angle_min, arm.low) < min(limits.angle_max, arm.high):
             raise ParameterError(
@@ -559,7 +578,9 @@ def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None
                 f"of the scene, which has {arm.low} to {arm.high} rad: choose limits that overlap"
             )
     limits = replace(limits, slide_max=min(limits.slide_max, joints.slide_max))
-    return limits.within(joints.low.tolist(), joints.high.tolist(), [limits.angle_speed] * joints.count)
+    return limits.within(
+        joints.low.tolist(), joints.high.tolist(), limits.speed[:-1].tolist(), limits.required
+    )
 
 
 def main(

@@ -40,7 +40,7 @@ class SceneTopics:
         plate, ball = simulation.plate, simulation.scene.ball
         maze = board_mesh(plate.board, plate.offset) if plate else None
         radius = ball.radius if ball else None
-        self.drawn = SceneMarkers(self._skin, maze, radius, simulation.watched)
+        self.drawn = SceneMarkers(self._skin, maze, radius, simulation.watched, simulation.cables)
         self._mesh.publish(messages.mesh_message(self._skin))
         self._maze.publish(messages.maze_message(maze))
         self._ball.publish(messages.ball_shape_message(radius))

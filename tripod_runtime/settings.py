@@ -4,7 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
+from tripod_graph.limits import (
+    JOINT_STATES_PARAMETER,
+    LIMIT_PARAMETERS,
+    RANGE_TIME_PARAMETER,
+    limits_from,
+)
 from tripod_graph.parameters import Parameter
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -44,6 +49,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
     *LIMIT_PARAMETERS,
+    RANGE_TIME_PARAMETER,
     JOINT_STATES_PARAMETER,
 )
 

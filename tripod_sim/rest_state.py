@@ -106,4 +106,7 @@ class RestState:
             return True
         slow = np.abs(moving.velocities).max() < CALM
         held = len(self._system.groups.rigid)
-        return bool(slow and np.abs(moving.centres[:held] - rest.centres[:held]).max() > APART)
+        there, here = moving.centres[:held], rest.centres[:held]
+        if not held:  # the effector is observed
+            there, here = moving.positions, rest.positions
+        return bool(slow and np.abs(there - here).max() > APART)

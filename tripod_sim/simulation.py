@@ -659,6 +659,13 @@ class Simulation:
         """Nodes of each marker of the scene, by the name of its set."""
         return {t.set: nodes for t, nodes in zip(self.scene.marker, self._parts.watched, strict=True)}
 
+    def cables(self, positions: FloatArray) -> dict[str, FloatArray]:
+        """Return the points of each cable [m], shape (k, 3), by its name, with nodes at `positions`, shape (n, 3)."""
+        if not (self.joints and self.joints.others):
+            return {}
+        paths = zip(self.joints.others, self._system.paths(positions), strict=True)
+        return {actuator.name: path for actuator, path in paths if path is not None}
+
     @property
     def markers(self) -> tuple[FloatArray, ...]:
         """Mean position of the nodes of each marker of the scene [m], shape (3,)."""

@@ -251,6 +251,10 @@ class System:
         """What it takes to take up slack, as of the last `evaluate` within `taut`, shape (actuators,)."""
         return np.array([0.0] * len(self.torques) + [term.gap for term in self._actuated])
 
+    def paths(self, x: FloatArray) -> tuple[FloatArray | None, ...]:
+        """Return the line of each term that is an actuator, see `ActuatorTerm.path`, with nodes at `x` [m]."""
+        return tuple(term.path(x) for term in self._actuated)
+
     def runaway(self) -> str:
         """Return in words which actuators a failed solve is likely due to, as of the last `evaluate`; empty if none."""
         return "; ".join(words for term in self._actuated if (words := term.runaway()))

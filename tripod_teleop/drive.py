@@ -1,4 +1,4 @@
-"""Set-points that follow the keys: one servo while its key is down, or all joints to a pose."""
+"""Set-points that follow the keys: one joint while its key is down, or all joints to a pose."""
 
 from collections.abc import Sequence
 
@@ -10,6 +10,8 @@ from tripod_teleop.keys import Move
 
 PEAK = 1.5
 """Largest speed of a motion to a pose, as a multiple of its mean."""
+SHARE = 0.25
+"""Of its range that a joint other than a servo passes through in a second while its key is down."""
 LONGEST_STEP = 0.1
 """A caller that comes later than this [s] has stalled; the joints do not catch up."""
 
@@ -30,8 +32,8 @@ class Drive:
 
     Attributes:
         limits: Bounds of the set-point.
-        joints: The set-point: the angle of each servo [rad], and the slide [m] if it is known.
-        speed: Of a servo whose key is down [rad/s].
+        joints: The set-point: the angle of each servo [rad], other joints [m, N, Pa], and the slide [m] if it is known.
+        speed: Of a servo whose key is down [rad/s]; other joints pass through `SHARE` of their range in a second.
         hold: Time for which a press counts [s].
         pose_time: Shortest time of a motion to a pose [s].
         motion: Name of the motion under way, empty if none.
@@ -41,7 +43,7 @@ class Drive:
     def __init__(self, limits: CommandLimits, *, speed: float, hold: float, pose_time: float) -> None:
         """Begin without a set-point; `start` gives one. The arguments are the attributes."""
         self.limits, self.speed, self.hold, self.pose_time = limits, speed, hold, pose_time
-        self.joints: FloatArray = np.zeros(limits.count)
+        self.joints: FloatArray = np.zeros(limits.size)
         self.motion = ""
         self.at_once = False
         self._pressed: dict[int, tuple[int, float, float]] = {}  # servo: sign, moved until, pressed until
@@ -49,15 +51,15 @@ class Drive:
         self._path = (self.joints, self.joints, 0.0, 0.0)  # from, to, start, duration
 
     def start(self, joints: Sequence[float]) -> None:
-        """Begin at rest at `joints`: the angles [rad], and the slide [m] if it is known."""
+        """Begin at rest at `joints`: as the attribute."""
         values = np.array(joints, float)
         self.joints = np.clip(values, self.limits.lower[: len(values)], self.limits.upper[: len(values)])
         self._due = float("-inf")
         self.rest()
 
     def fit(self, limits: CommandLimits) -> None:
-        """Be for a robot with another number of servos; `start` is due."""
-        self.limits, self.joints, self._due = limits, np.zeros(limits.count), float("-inf")
+        """Be for a robot with other joints; `start` is due."""
+        self.limits, self.joints, self._due = limits, np.zeros(limits.size), float("-inf")
         self.rest()
 
     def rest(self) -> None:
@@ -89,7 +91,7 @@ class Drive:
         return sign == move.sign and until > now
 
     def go(self, name: str, pose: Sequence[float], now: float) -> None:
-        """Begin a motion to `pose`, the angles [rad] and the slide [m], all joints in proportion."""
+        """Begin a motion to `pose`, all joints and the slide, in proportion."""
         self.rest()
         size = len(self.joints)
         goal = np.clip(np.array(pose, float), self.limits.lower, self.limits.upper)[:size]
@@ -98,7 +100,7 @@ class Drive:
         self.motion = name
 
     def jump(self, angles: Sequence[float]) -> None:
-        """Put the set-point at `angles` [rad], shape (s,), in one step; the slide stays.
+        """Put the set-point at `angles` [rad], shape (s,), in one step; slide and other joints stay.
 
         The joints go there as fast as their followers' slew rates let them.
         """
@@ -106,11 +108,11 @@ class Drive:
         self.at_once = True
         servos = self.limits.count
         self.joints[:servos] = np.clip(
-            np.array(angles, float), self.limits.lower[:-1], self.limits.upper[:-1]
+            np.array(angles, float), self.limits.lower[:servos], self.limits.upper[:servos]
         )
 
     def setpoint(self, now: float, ahead: float = 0.0) -> FloatArray:
-        """Return where the joints should be `ahead` [s] after `now` [s], shape (s,) or (s + 1,); call it regularly.
+        """Return where the joints should be `ahead` [s] after `now` [s], shape (n,) or (n + 1,); call it regularly.
 
         What a key moves was moved by an earlier call until its time: only what comes after that is added.
         """
@@ -125,16 +127,22 @@ class Drive:
                 self.joints = begin + smooth((time - start) / duration) * (goal - begin)
         for servo, (sign, moved, until) in self._pressed.items():
             last = max(moved, time - LONGEST_STEP)
-            self.joints[servo] += sign * self.speed * max(0.0, min(time, until) - last)
+            self.joints[servo] += sign * self.key_speed(servo) * max(0.0, min(time, until) - last)
             self._pressed[servo] = (sign, max(moved, time), until)
         size = len(self.joints)
         self.joints = np.clip(self.joints, self.limits.lower[:size], self.limits.upper[:size])
         return self.joints.copy()
 
+    def key_speed(self, joint: int) -> float:
+        """Return the speed of a joint whose key is down, at most its slew rate [rad/s, m/s, N/s, Pa/s]."""
+        if joint < self.limits.count:
+            return self.speed
+        return min(SHARE * self.limits.table[joint].span, float(self.limits.speed[joint]))
+
     def at_limits(self) -> dict[int, float]:
-        """Return the limit [rad] of each servo whose set-point is there, by the number of the servo."""
-        servos = min(self.limits.count, len(self.joints))
-        values, low, high = self.joints[:servos], self.limits.lower[:servos], self.limits.upper[:servos]
+        """Return the limit of each joint whose set-point is there, by its number."""
+        size = min(self.limits.size, len(self.joints))
+        values, low, high = self.joints[:size], self.limits.lower[:size], self.limits.upper[:size]
         return {i: float(v) for i, v in enumerate(values) if v <= low[i] or v >= high[i]}
 
     def _at(self, now: float) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import Final
 
 
 class Act(Enum):
-    """What a key asks for besides moving one servo."""
+    """What a key asks for besides moving one joint."""
 
     STOP = auto()
     TELEOP = auto()
@@ -30,11 +30,11 @@ CHOSEN: Final = -1
 
 @dataclass(frozen=True)
 class Move:
-    """Move one servo while the key is down.
+    """Move one joint while the key is down.
 
     Attributes:
         servo: Its number; CHOSEN: the one that a digit chose last.
-        sign: +1: the angle grows, the strip goes up; -1: it bends down.
+        sign: +1: its command grows, the strip of a servo goes up; -1: it falls.
     """
 
     servo: int
@@ -43,7 +43,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Choose:
-    """Choose the servo that + and - move.
+    """Choose the joint that + and - move.
 
     Attributes:
         servo: Its number.
@@ -73,13 +73,15 @@ class Binding:
 
 
 BINDINGS: Final = (
-    Binding(("up", "ctrl+up"), Move(0, +1), "Up, Down", "servo_0 up, down"),
+    Binding(("up", "ctrl+up"), Move(0, +1), "Up, Down", "servo_0, or joint 0, up, down"),
     Binding(("down", "ctrl+down"), Move(0, -1)),
-    Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo_1 up, down"),
+    Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo_1, or joint 1, up, down"),
     Binding(("right", "ctrl+right"), Move(1, -1)),
-    Binding(("+", "=", "ctrl++", "ctrl+="), Move(CHOSEN, +1), "+, -", "servo_2, or the chosen one, up, down"),
+    Binding(
+        ("+", "=", "ctrl++", "ctrl+="), Move(CHOSEN, +1), "+, -", "servo_2, or the chosen joint, up, down"
+    ),
     Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(CHOSEN, -1)),
-    Binding(("0",), Choose(0), "0 to 9", "choose the servo that + and - move"),
+    Binding(("0",), Choose(0), "0 to 9", "choose the joint that + and - move"),
     *(Binding((str(i),), Choose(i)) for i in range(1, 10)),
     Binding(("space", "ctrl+space", "alt+space"), Act.STOP, "space", "stop: hold the pose, then park slowly"),
     Binding(("t", "T", "ctrl+t", "b", "B", "ctrl+b"), Act.TELEOP, "t or b", "drive by these keys"),

@@ -11,13 +11,14 @@ from builtin_interfaces.msg import Duration as DurationMessage
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import RobotStatus
+from trajectory_msgs.msg import JointTrajectory
+from tripod_msgs.msg import RobotStatus, SimStatus
 
 from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.joint import Joint, joints_told
 from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import ParameterError, declare
@@ -25,6 +26,7 @@ from tripod_graph.qos import RELIABLE
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import REFUSED, run_node
 from tripod_graph.source import new_source
+from tripod_graph.trajectory import point_of
 from tripod_host.arrays import FloatArray
 from tripod_teleop.drive import Drive
 from tripod_teleop.escape import KeyParser
@@ -63,6 +65,7 @@ class TeleopNode(Node):
         toss = Toss(*(checked_angles(name, values[name], limits) for name in ("catch", "throw")))
         source = new_source(self.get_name(), self.get_namespace())
         self._range = RangeWatch(limits)
+        self._fitted: tuple[int, tuple[Joint, ...]] = (limits.count, ())
         self._operator = Operator(source, drive, toss)
         self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
         self._rejected, self._last_rejection = 0, ""
@@ -71,6 +74,7 @@ class TeleopNode(Node):
         self._speaker = Speaker(self, self._operator)
         listen(self, self._on_decision)
         self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
+        self.create_subscription(SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE)
         for topic, hear in (
             (names.SIM_JOINT_STATES, self._watch.hear_sim),
             (names.ROBOT_JOINT_STATES, self._watch.hear_robot),
@@ -161,6 +165,7 @@ class TeleopNode(Node):
                 motion=operator.drive.motion,
                 notice=operator.notice or self._watch.trouble or self._why_idle(),
                 servos=operator.drive.limits.count,
+                others=operator.drive.limits.others,
             )
         )
 
@@ -172,17 +177,30 @@ class TeleopNode(Node):
     def _on_robot_status(self, message: RobotStatus) -> None:
         self._idle = "" if message.state == RobotStatus.ACTIVE else message.message
         self._idle_at = time.monotonic()
-        if not self._watch.servos and len(message.joint_names):
-            self._fit(len(message.joint_names))
-        if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
+        if not (self._watch.servos or self._watch.others) and len(message.joint_names):
+            self._fit(len(message.joint_names), ())
+        now = time.monotonic()
+        if self._range.hear(message.lower, message.upper, message.speed, now, message.joint_names):
             self._keep_range()
 
-    def _fit(self, servos: int) -> None:
-        """Be for a robot with so many servos."""
-        if servos == self._range.limits.count:
+    def _on_sim_status(self, message: SimStatus) -> None:
+        told = joints_told(message.joint_names, message.units, message.lower, message.upper, message.speed)
+        if told == self._watch.others:
             return
-        self._range.resize(servos)
+        try:
+            self._watch.others = told
+            self._fit(names.count_servos(message.joint_names), told)
+        except CommandError as error:
+            self._reject(names.SIM_STATUS, error)
+
+    def _fit(self, servos: int, others: tuple[Joint, ...]) -> None:
+        """Be for a robot with so many servos, and other joints."""
+        if (servos, others) == self._fitted:
+            return
+        self._fitted = servos, others
+        self._range.resize(servos, others)
         self._operator.drive.fit(self._range.limits)
+        self._operator.chosen = min(self._operator.chosen, max(0, self._range.limits.size - 1))
         self._keep_range()
 
     def _keep_range(self) -> None:
@@ -197,12 +215,12 @@ class TeleopNode(Node):
             self._reject(names.CONTROL_MODE, error)
 
     def _joint_taker(
-        self, topic: str, hear: Callable[[Sequence[str], Sequence[float], float], None]
+        self, topic: str, hear: Callable[[Sequence[str], Sequence[float], float, Sequence[float]], None]
     ) -> Callable[[JointState], None]:
         def take(message: JointState) -> None:
             try:
-                hear(message.name, message.position, time.monotonic())
-                self._fit(self._watch.servos)
+                hear(message.name, message.position, time.monotonic(), message.effort)
+                self._fit(self._watch.servos, self._watch.others)
             except ValueError as error:
                 self._reject(topic, error)
 
@@ -213,10 +231,10 @@ class TeleopNode(Node):
         self._last_rejection = f"{topic}: {error}"
 
     def _command_message(self, joints: FloatArray, duration: float) -> JointTrajectory:
-        point = JointTrajectoryPoint(positions=joints.tolist())
+        table = self._operator.drive.limits.table[: len(joints)]
+        point = point_of(joints, table)
         point.time_from_start = DurationMessage(nanosec=round(1e9 * duration))
-        named = names.joint_names(self._operator.drive.limits.count)[: len(joints)]
-        message = JointTrajectory(joint_names=list(named), points=[point])
+        message = JointTrajectory(joint_names=[joint.name for joint in table], points=[point])
         message.header.frame_id = self._operator.authority.source
         return message
 

@@ -46,7 +46,7 @@ class Operator:
         authority: What this operator has decided, and what is in force.
         drive: The set-point.
         notice: One line for the user, about the newest key; empty if all is said by the rest.
-        chosen: The servo that + and - move.
+        chosen: The joint that + and - move.
     """
 
     def __init__(self, source: str, drive: Drive, toss: Toss | None = None) -> None:
@@ -59,7 +59,7 @@ class Operator:
         """
         self.authority, self.drive, self._toss = OperatorAuthority(source), drive, toss or Toss()
         self.notice = ""
-        self.chosen = 2
+        self.chosen = 2 if drive.limits.count else 0
         self._ready_at = float("-inf")
         self._lost = False
         self._limits: dict[int, float] = {}
@@ -109,7 +109,7 @@ class Operator:
                 move = self.meant(intent)
                 if not self.is_driving:
                     self.notice = "press t to drive by these keys"
-                elif move.servo < self.drive.limits.count:
+                elif move.servo < self.drive.limits.size:
                     self.drive.press(move, now)
                 else:
                     self.notice = self._no_servo(move.servo)
@@ -120,9 +120,7 @@ class Operator:
             case Act.TELEOP | Act.WORK | Act.PARK | Act.CATCH | Act.THROW:
                 decision = self._take_control(joints, wall, now)
                 if self.is_driving and intent is Act.WORK:
-                    self.drive.go(
-                        "working pose", working_pose(self.drive.limits.count), max(now, self._ready_at)
-                    )
+                    self._go_to_work(max(now, self._ready_at))
                 elif self.is_driving and intent is Act.PARK:
                     self.drive.go("park position", self.drive.limits.park, max(now, self._ready_at))
                 elif self.is_driving and intent is Act.CATCH:
@@ -133,7 +131,7 @@ class Operator:
         return None
 
     def setpoint(self, joints: Joints | None, now: float, ahead: float = 0.0) -> FloatArray | None:
-        """Return where the joints should be `ahead` [s] after `now` [s], shape (s,) or (s + 1,); None: send nothing."""
+        """Return where the joints should be `ahead` [s] after `now` [s], shape (n,) or (n + 1,); None: send nothing."""
         if not self.is_driving:
             self._lost = True
             return None
@@ -150,11 +148,11 @@ class Operator:
         return values
 
     def meant(self, move: Move) -> Move:
-        """Return the move with the number of its servo."""
+        """Return the move with the number of its joint."""
         return replace(move, servo=self.chosen) if move.servo == CHOSEN else move
 
     def _say_limits(self) -> None:
-        """Say once which servos a key has brought to a limit, and at which angle; a motion to a pose says nothing."""
+        """Say once which joints a key has brought to a limit, and at which angle; a motion to a pose says nothing."""
         now = self.drive.at_limits()
         arrived = (
             {}
@@ -164,23 +162,42 @@ class Operator:
         self._limits = now
         if arrived:
             self.notice = "; ".join(
-                f"servo_{k} is at its limit of {degrees(v):.1f} degrees: move it the other way"
+                f"{self.drive.limits.joints[k]} is at its limit of {self._shown(k, v)}: move it the other way"
                 for k, v in arrived.items()
             )
 
+    def _shown(self, joint: int, value: float) -> str:
+        one = self.drive.limits.table[joint]
+        return f"{degrees(value):.1f} degrees" if one.unit == "rad" else one.shown(value)
+
+    def _go_to_work(self, now: float) -> None:
+        """Begin the motion of the servos to the working pose; other joints stay."""
+        limits = self.drive.limits
+        if not limits.count:
+            self.notice = "a robot without servos has no working pose"
+            return
+        *angles, slide = working_pose(limits.count)
+        others = self.drive.joints[limits.count : limits.size].tolist()
+        self.drive.go("working pose", [*angles, *others, slide], now)
+
     def _choose(self, servo: int) -> None:
-        if servo < self.drive.limits.count:
+        if servo < self.drive.limits.size:
             self.chosen = servo
-            self.notice = f"+ and - move servo_{servo}"
+            self.notice = f"+ and - move {self.drive.limits.joints[servo]}"
         else:
             self.notice = self._no_servo(servo)
 
     def _no_servo(self, servo: int) -> str:
-        return f"there is no servo_{servo}; the robot has {self.drive.limits.count} servos"
+        limits = self.drive.limits
+        if limits.others:
+            return f"there is no joint {servo}; the robot has {limits.size}: {', '.join(limits.required)}"
+        return f"there is no servo_{servo}; the robot has {limits.count} servos"
 
     def _jump(self, angles: Sequence[float]) -> None:
         count = self.drive.limits.count
-        if len(angles) in (1, count):
+        if not count:
+            self.notice = "catch and throw move servos; the robot has none"
+        elif len(angles) in (1, count):
             self.drive.jump(np.broadcast_to(angles, count).tolist())
         else:
             self.notice = f"catch and throw have {len(angles)} angles, the robot has {count} servos"

@@ -6,8 +6,9 @@ import numpy as np
 
 from tripod_graph.authority import OperatorAuthority
 from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.joint import SHOWN
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.names import servo_names
+from tripod_graph.names import working_pose
 from tripod_host.arrays import FloatArray
 from tripod_view.motion import PEAK, Trajectory, motion
 
@@ -23,11 +24,14 @@ STALE = 1.0
 KEY_SPEED = 0.6
 """Of a servo whose key is down [rad/s]."""
 
+KEY_SHARE = 0.25
+"""Of its range that another joint passes through in a second while its key is down."""
+
 KEY_HOLD = 0.3
 """Time for which keys count after the page told last that they are down [s]: silence means that they are up."""
 
 ARRIVED = 0.02
-"""A motion whose measured angles end farther than this from its goal is reported [rad]."""
+"""A motion whose measured angles end farther than this from its goal is reported [rad; others: part of the range]."""
 
 
 class Control:
@@ -41,7 +45,7 @@ class Control:
     Attributes:
         authority: What this page has decided, and what is in force.
         speed: Mean speed of a motion [rad/s], where the followers' slew rate allows it.
-        angles: What the sliders ask for [rad], shape (s,).
+        angles: What the sliders ask for [rad; of other joints m, N, Pa], shape (n,).
         slide: The same of the slide [m]; None while nobody has moved it.
         synced: Set when `angles` changed otherwise than by a slider; whoever shows the sliders clears it.
         moving: Name of the motion under way, empty if none.
@@ -52,7 +56,7 @@ class Control:
         """`source`: name of this operator; `speed`: mean speed of a motion [rad/s]."""
         self.authority, self.limits = OperatorAuthority(source), limits
         self.speed = speed
-        self.angles: FloatArray = np.zeros(limits.count)
+        self.angles: FloatArray = np.zeros(limits.size)
         self.slide: float | None = None
         self._keys: tuple[int, ...] = ()
         self._keys_until = float("-inf")
@@ -63,7 +67,7 @@ class Control:
         self._measured: FloatArray | None = None
         self._measured_at = float("-inf")
         self._ready_at = float("-inf")
-        self._goal: FloatArray = np.zeros(limits.count + 1)
+        self._goal: FloatArray = np.zeros(limits.size + 1)
         self._motion_until: float | None = None
 
     @property
@@ -82,7 +86,7 @@ class Control:
         return self.in_control and self.mode is Mode.TELEOP
 
     def measured(self, now: float) -> FloatArray | None:
-        """Return the joint values, shape (s + 1,) [rad, m], None when they are not known or too old."""
+        """Return the joint values, shape (n + 1,) [rad, m, N, Pa], None when they are not known or too old."""
         return None if now - self._measured_at > STALE else self._measured
 
     def hear(self, decision: Decision, wall: float, now: float) -> None:
@@ -121,7 +125,7 @@ class Control:
         return decision
 
     def measure(self, joints: FloatArray, now: float) -> None:
-        """Take measured joint values, shape (s + 1,) [rad, m], finite, of as many servos as the limits.
+        """Take measured joint values, shape (n + 1,) [rad, m, N, Pa], finite, of the joints of the limits.
 
         While the page does not command, and after a gap, the sliders follow them.
         """
@@ -131,31 +135,47 @@ class Control:
             self._follow_measured(now)
 
     def narrow(self, limits: CommandLimits) -> None:
-        """Keep to `limits` from now on; with another number of servos everything begins again."""
-        if limits.count != self.limits.count:
+        """Keep to `limits` from now on; with other joints everything begins again."""
+        if limits.joints != self.limits.joints:
             self._end_motion()
             self._measured, self._measured_at, self._keys = None, float("-inf"), ()
-            self.angles, self.slide = np.zeros(limits.count), None
+            self.angles, self.slide = np.zeros(limits.size), None
         self.limits = limits
         self.angles = np.clip(self.angles, limits.lower[:-1], limits.upper[:-1])
         self.synced = True
 
     def set_angle(self, servo: int, angle: float) -> bool:
-        """Ask for `angle` [rad] of `servo`; return whether it is taken: in control, finite.
+        """Ask for `angle` [rad; m, N, Pa] of the joint number `servo`; return whether it is taken: in control, finite.
 
         One beyond the limits is taken as the limit, and that is told. A motion under way ends where it is.
         """
-        if servo >= self.limits.count or not self._takes(angle):
+        if servo >= self.limits.size or not self._takes(angle):
             return False
         low, high = self.limits.lower[servo], self.limits.upper[servo]
         self.angles[servo] = np.clip(angle, low, high)
         if self.angles[servo] != angle:
-            asked, least, most = (f"{np.degrees(v):.1f}" for v in (angle, low, high))
-            self.notice = (
-                f"servo {servo}: {asked} degrees is outside of {least} to {most}; it goes to the limit."
-            )
+            joint = self.limits.table[servo]
+            if joint.unit == "rad":
+                asked, least, most = (f"{np.degrees(v):.1f}" for v in (angle, low, high))
+                who, asked = f"servo {servo}", f"{asked} degrees"
+            else:
+                who, (asked, least, most) = joint.name, (joint.shown(v) for v in (angle, low, high))
+            self.notice = f"{who}: {asked} is outside of {least} to {most}; it goes to the limit."
             self.synced = True
         return True
+
+    def set_shown(self, joint: int, value: float) -> bool:
+        """Ask for `value` of a joint that is no servo, in the unit that people read; as `set_angle`."""
+        if not self.limits.count <= joint < self.limits.size:
+            return False
+        unit = self.limits.table[joint].unit
+        return self.set_angle(joint, value / SHOWN.get(unit, (1.0, unit))[0])
+
+    def working_pose(self) -> tuple[float, ...]:
+        """Return the pose in which the robot plays; joints that are no servos stay where they are asked to be."""
+        *angles, slide = working_pose(self.limits.count)
+        others = self.angles[self.limits.count :].tolist()
+        return (*angles, *others, slide if self.limits.count else 0.0)
 
     def set_slide(self, place: float) -> bool:
         """Ask for the slide at `place` [m]; as `set_angle`."""
@@ -189,7 +209,7 @@ class Control:
         self._keys, self._keys_until = signs, now + KEY_HOLD
 
     def go(self, name: str, goal: Sequence[float], now: float) -> bool:
-        """Begin a motion to `goal`, shape (s + 1,) [rad, m]; return whether it is taken (see `notice`).
+        """Begin a motion to `goal`, shape (n + 1,) [rad, m, N, Pa]; return whether it is taken (see `notice`).
 
         The page must be in control in mode TELEOP.
         """
@@ -215,28 +235,35 @@ class Control:
             return None
         if self.moving and self._motion_until is None:
             path = motion(
-                joints, self._goal, min(self.speed, self.limits.angle_speed / PEAK)
+                joints, self._goal, min(self.speed, self.limits.angle_speed / PEAK), self.limits.table
             )  # followers keep up
             self._motion_until = now + float(path.times[-1]) + 2 * PERIOD
+            if not self.limits.count:  # it has no slide
+                return Trajectory(path.joints[:-1], path.times, path.positions[:, :-1])
             return path
         if self._motion_until is not None:
             if now < self._motion_until:
                 return None
-            if np.abs(joints[:-1] - self._goal[:-1]).max() > ARRIVED:
-                self.notice = f"The servos did not reach the {self.moving}."
+            table = self.limits.table[:-1]
+            near = [ARRIVED if joint.unit == "rad" else ARRIVED * joint.span for joint in table]
+            if (np.abs(joints[:-1] - self._goal[:-1]) > near).any():
+                self.notice = (
+                    f"The {'joints' if self.limits.others else 'servos'} did not reach the {self.moving}."
+                )
             self._end_motion()
             self._follow_measured(now)
         since, self._commanded = min(now - self._commanded, PERIOD), now
         if any(self._keys) and now < self._keys_until:
             signs = np.zeros(len(self.angles))
             signs[: len(self._keys)] = self._keys[: len(signs)]
-            moved = self.angles + KEY_SPEED * since * signs
+            speeds = [KEY_SPEED if j.unit == "rad" else KEY_SHARE * j.span for j in self.limits.table[:-1]]
+            moved = self.angles + since * np.array(speeds) * signs
             self.angles = np.clip(moved, self.limits.lower[:-1], self.limits.upper[:-1])
             self.synced = True
         if self.slide is None:
-            return Trajectory(servo_names(self.limits.count), np.array([PERIOD]), self.angles[None].copy())
+            return Trajectory(self.limits.table[:-1], np.array([PERIOD]), self.angles[None].copy())
         goal = np.array([[*self.angles, self.slide]])
-        return Trajectory(self.limits.joints, np.array([PERIOD]), goal)
+        return Trajectory(self.limits.table, np.array([PERIOD]), goal)
 
     def _end_motion(self) -> None:
         self.moving, self._motion_until = "", None

@@ -71,6 +71,7 @@ class Display:
         self._sim, self._ik, self._robot, self._figures = Heard(), Heard(), Heard(), Heard()
         self._ik_values = Heard()
         self._torques: FloatArray | None = None
+        self._servos = 0
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
         self._nodes: FloatArray | None = None
         self._surface_changed = self._effector_changed = self._target_changed = False
@@ -111,7 +112,7 @@ class Display:
         self._newest = read
 
     def keep_torques(self, torques: FloatArray | None) -> None:
-        """Keep the torques of the servos [N m], shape (s,); None if they are not told."""
+        """Keep what the joints give in return, torques of servos [N m], shape (n,); None if they are not told."""
         self._torques = torques
 
     def keep_effector(self, pose: Pose) -> None:
@@ -190,6 +191,10 @@ class Display:
     def show_range(self, limits: CommandLimits) -> None:
         """Let the sliders end where the joints may go."""
         self._panel.show_range(limits)
+        self._servos = limits.count
+        if self._scene.has_others != bool(limits.others):
+            self._scene.has_others = bool(limits.others)
+            self._show_scene()
 
     def draw(self, control: Control, target: TargetHandle, rejects: Rejects, browsers: int) -> None:
         """Draw a picture; the panel follows every PANEL_PERIOD."""
@@ -233,10 +238,10 @@ class Display:
             self.replay.keep(Moment(now, nodes, joints, self.effector, self.ball))
             self._nodes = None
         if joints is not None:
-            self._find_robot(len(joints) - 1)
+            self._find_robot(self._servos)
             if self._drawn_joints is None or not np.array_equal(joints, self._drawn_joints):
                 self._drawn_joints = joints
-                self._scene.set_joints(joints[:-1], float(joints[-1]))
+                self._scene.set_joints(joints[: self._servos], float(joints[-1]))
         if self._effector_changed and self.effector is not None:
             self._effector_changed = False
             self._scene.set_effector(self.effector)
@@ -247,7 +252,7 @@ class Display:
     def _draw_past(self, moment: Moment) -> None:
         self._scene.set_nodes(moment.nodes.astype(float))
         if moment.joints is not None:
-            self._scene.set_joints(moment.joints[:-1], float(moment.joints[-1]))
+            self._scene.set_joints(moment.joints[: self._servos], float(moment.joints[-1]))
         if moment.effector is not None:
             self._scene.set_effector(moment.effector)
         if moment.ball is not None:

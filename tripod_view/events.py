@@ -52,6 +52,14 @@ class SliderMoved:
 
 
 @dataclass(frozen=True)
+class JointMoved:
+    """A joint that is no servo is asked for a value, in the unit of its slider."""
+
+    joint: int
+    shown: float
+
+
+@dataclass(frozen=True)
 class SlideMoved:
     """The slide is asked to be at a place [m]."""
 
@@ -132,7 +140,7 @@ class Left:
 
 
 Event = (
-    Pressed | SliderMoved | SlideMoved | KeysHeld | Wish | Replayed | Nonsense
+    Pressed | SliderMoved | JointMoved | SlideMoved | KeysHeld | Wish | Replayed | Nonsense
     | Grabbed | Dragged | Dropped | Watching | Joined | Left
 )  # fmt: skip
 
@@ -140,7 +148,8 @@ Event = (
 def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
     """Return the event that a message of the page is, in degrees and millimetres there. Raises EventError.
 
-    {"press": "STOP"}, {"servo": 1, "degrees": -30}, {"slide": 35}, {"keys": [0, 1, -1]}, {"sim": "reset"},
+    {"press": "STOP"}, {"servo": 1, "degrees": -30}, {"joint": 1, "value": 12.5}, {"slide": 35}, {"keys": [0, 1, -1]},
+    {"sim": "reset"},
     {"effect": "sleep", "on": true}, {"accuracy": "5%"}, {"replay": 12.5, "running": true}, {"replay": null}
     """
     try:
@@ -152,6 +161,8 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
             return Pressed(Button(name))
         case {"servo": servo, "degrees": degrees} if type(servo) is int and 0 <= servo < MOST_SERVOS:
             return SliderMoved(servo, math.radians(_number("degrees", degrees)))
+        case {"joint": joint, "value": value} if type(joint) is int and 0 <= joint < MOST_SERVOS:
+            return JointMoved(joint, _number("value", value))
         case {"slide": value}:
             return SlideMoved(1e-3 * _number("slide", value))
         case {"keys": [*signs]} if len(signs) <= MOST_SERVOS and all(
@@ -222,6 +233,8 @@ def _supersedes(new: Event, old: Event) -> bool:
         return new.client == old.client
     if isinstance(new, SliderMoved) and isinstance(old, SliderMoved):
         return new.servo == old.servo
+    if isinstance(new, JointMoved) and isinstance(old, JointMoved):
+        return new.joint == old.joint
     return type(new) is type(old) and isinstance(new, SlideMoved | KeysHeld | Replayed)
 
 

@@ -5,10 +5,11 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
 from shape_msgs.msg import Mesh, SolidPrimitive
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, SimStatus
 
 from tripod_graph import names
+from tripod_graph.trajectory import point_of
 from tripod_host.arrays import FloatArray
 from tripod_view.body import BodyError, Surface
 from tripod_view.motion import Trajectory
@@ -79,7 +80,7 @@ def trajectory_message(trajectory: Trajectory, source: str) -> JointTrajectory:
     message = JointTrajectory(joint_names=list(trajectory.names))
     message.header.frame_id = source
     for seconds, row in zip(trajectory.times, trajectory.positions, strict=True):
-        point = JointTrajectoryPoint(positions=[float(v) for v in row])
+        point = point_of(row, trajectory.joints)
         point.time_from_start = Duration(seconds=float(seconds)).to_msg()
         message.points.append(point)
     return message

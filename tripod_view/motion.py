@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_graph.names import joint_names
+from tripod_graph.joint import Joint
+from tripod_graph.names import SLIDE
 from tripod_host.arrays import FloatArray
 
 POINTS = 24
@@ -26,26 +27,36 @@ class Trajectory:
     """Points for the joints to pass, from when it is received.
 
     Attributes:
-        names: Joint names.
+        joints: Which.
         times: Time of each point from the start [s], shape (m,).
-        positions: Joint values at each point [rad, m], shape (m, len(names)).
+        positions: Joint values at each point [rad, m], shape (m, len(joints)).
     """
 
-    names: tuple[str, ...]
+    joints: tuple[Joint, ...]
     times: FloatArray
     positions: FloatArray
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
 
-def motion_duration(start: FloatArray, goal: FloatArray, speed: float) -> float:
-    """Return the time [s] from `start` to `goal`, shape (s + 1,) [rad, m], at mean `speed` [rad/s]."""
-    travel = np.abs(goal - start)
-    return float(max(travel[:-1].max() / speed, travel[-1] / SLIDE_SPEED, SHORTEST))
+
+def motion_duration(start: FloatArray, goal: FloatArray, speed: float, joints: Sequence[Joint]) -> float:
+    """Return the time [s] from `start` to `goal`, shape (n + 1,), of `joints`; servos at mean `speed` [rad/s]."""
+    speeds = [
+        speed if j.unit == "rad" else SLIDE_SPEED if j.name == SLIDE else j.speed / PEAK for j in joints
+    ]
+    return float(max((np.abs(goal - start) / speeds).max(), SHORTEST))
 
 
 def motion(
-    start: Sequence[float] | FloatArray, goal: Sequence[float] | FloatArray, speed: float
+    start: Sequence[float] | FloatArray,
+    goal: Sequence[float] | FloatArray,
+    speed: float,
+    joints: Sequence[Joint],
 ) -> Trajectory:
-    """Return the motion from `start` to `goal`, both shape (s + 1,): the angles [rad] and the slide [m].
+    """Return the motion of `joints` from `start` to `goal`, both shape (n + 1,): all joints, the slide last.
 
     All joints move in proportion along s(u) = u^3 (10 - 15 u + 6 u^2): speed and acceleration are zero at
     both ends, and the strips keep about their length on the way, because angle and slide go together.
@@ -53,4 +64,4 @@ def motion(
     a, b = np.asarray(start, float), np.asarray(goal, float)
     u = np.arange(1, POINTS + 1) / POINTS
     s = u**3 * (10 - 15 * u + 6 * u**2)
-    return Trajectory(joint_names(len(a) - 1), motion_duration(a, b, speed) * u, a + s[:, None] * (b - a))
+    return Trajectory(tuple(joints), motion_duration(a, b, speed, joints) * u, a + s[:, None] * (b - a))

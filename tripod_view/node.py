@@ -34,6 +34,7 @@ from tripod_graph.command import CommandError
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
+from tripod_graph.joint import Joint, joints_told
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED, NEWEST, RELIABLE, SENSOR
@@ -90,6 +91,8 @@ class ViewNode(Node):
         source = new_source(self.get_name(), self.get_namespace())
         self._control = Control(source, settings.limits, settings.move_speed)
         self._range = RangeWatch(settings.limits)
+        self._others: tuple[Joint, ...] = ()
+        self._fitted: tuple[int, tuple[Joint, ...]] = (settings.limits.count, ())
         self._browsers: set[int] = set()
         self._streams: list[Subscription] = []
         self._patient = Patient()
@@ -211,7 +214,13 @@ class ViewNode(Node):
     def _on_sim_status(self, message: SimStatus) -> None:
         try:
             self._display.keep_sim(checked_status(message))
-        except StatusError as error:
+            told = joints_told(
+                message.joint_names, message.units, message.lower, message.upper, message.speed
+            )
+            if told != self._others:
+                self._others = told
+                self._fit(names.count_servos(message.joint_names))
+        except (StatusError, CommandError) as error:
             self._refuse(names.SIM_STATUS, error)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -259,13 +268,19 @@ class ViewNode(Node):
 
     def _on_joints(self, topic: str, message: JointState) -> bool:
         try:
-            joints = joint_values(message.name, message.position)
-            self._fit(len(joints) - 1)
+            others = self._others if topic == names.SIM_JOINT_STATES else ()
+            joints = joint_values(message.name, message.position, message.effort, others)
+            self._fit(names.count_servos(message.name))
         except (JointError, CommandError) as error:
             self._refuse(topic, error)
             return False
+        if len(joints) != self._control.limits.size + 1:  # the driver knows servos only
+            return False
         self._control.measure(joints, time.monotonic())
         efforts = np.asarray(message.effort, float)[: len(joints) - 1]
+        if others and len(message.position) >= len(efforts):
+            table = dict(zip(message.name, zip(message.position, message.effort, strict=False), strict=False))
+            efforts = np.array([table[j.name][not j.is_effort] for j in self._control.limits.table[:-1]])
         told = len(efforts) == len(joints) - 1 and bool(np.isfinite(efforts).all())
         self._display.keep_torques(efforts if told else None)
         return True
@@ -302,14 +317,16 @@ class ViewNode(Node):
         self._display.keep_robot(message)
         if self._sim_joints_at == float("-inf") and len(message.joint_names):
             self._fit(len(message.joint_names))
-        if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
+        now = time.monotonic()
+        if self._range.hear(message.lower, message.upper, message.speed, now, message.joint_names):
             self._keep_range()
 
     def _fit(self, servos: int) -> None:
-        """Be for a robot with so many servos."""
-        if servos == self._range.limits.count:
+        """Be for a robot with so many servos, and the other joints that the simulator tells."""
+        if (servos, self._others) == self._fitted:
             return
-        self._range.resize(servos)
+        self._fitted = servos, self._others
+        self._range.resize(servos, self._others)
         self._keep_range()
 
     def _keep_range(self) -> None:
@@ -341,6 +358,9 @@ class ViewNode(Node):
                 self._on_press(button)
             case events.SliderMoved(servo, angle):
                 self._control.set_angle(servo, angle)
+                self._command_soon()
+            case events.JointMoved(joint, shown):
+                self._control.set_shown(joint, shown)
                 self._command_soon()
             case events.SlideMoved(place):
                 self._control.set_slide(place)
@@ -382,7 +402,7 @@ class ViewNode(Node):
                     self._publish_target()  # what is shown is what is followed
                 self._decide(Mode.IK)
             case Button.WORKING_POSE:
-                self._go("working pose", names.working_pose(self._control.limits.count))
+                self._go("working pose", self._control.working_pose())
             case Button.PARK:
                 self._go("park pose", self._control.limits.park)
             case Button.FETCH_TARGET:

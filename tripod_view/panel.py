@@ -1,11 +1,13 @@
 """What the panel of the page shows, as values by name; degrees and millimetres on the screen."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from tripod_graph.command import CommandLimits
+from tripod_graph.joint import SHOWN, Joint
 from tripod_host.arrays import FloatArray
 from tripod_view.channel import Channel
 from tripod_view.picture import Picture
@@ -13,12 +15,15 @@ from tripod_view.recorder import Recorder
 from tripod_view.robot import SERVO_COLOURS
 from tripod_view.words import Line
 
+DEGREES = 180.0 / math.pi
+
 
 class Panel:
     """Shows what it is told; every method is called from the thread of ROS only."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
+        self._scales, self._answers, self._digits = np.zeros(0), np.zeros(0), 1
         channel.show("colours", [f"rgb{colour}" for colour in SERVO_COLOURS])
 
     def show_scene(self, picture: Picture, *, has_servos: bool, has_target: bool, known: bool) -> None:
@@ -43,9 +48,14 @@ class Panel:
         self._channel.show("effects", list(picture.effects))
 
     def show_range(self, limits: CommandLimits) -> None:
-        """Show how far the joints may go."""
-        low, high = np.degrees(limits.lower[:-1]), np.degrees(limits.upper[:-1])
+        """Show how far the joints may go, and what they are called in which units."""
+        joints = limits.table[:-1]
+        self._scales = np.array([_scale(joint) for joint in joints])
+        self._answers = np.array([joint.answer[0] for joint in joints])
+        self._digits = 3 if limits.others else 1
+        low, high = self._scales * limits.lower[:-1], self._scales * limits.upper[:-1]
         self._channel.show("range", [[round(a, 2), round(b, 2)] for a, b in zip(low, high, strict=True)])
+        self._channel.show("kinds", [_kind(i, joint) for i, joint in enumerate(joints)])
 
     def show_joints(
         self,
@@ -56,7 +66,8 @@ class Panel:
         *,
         enabled: bool,
     ) -> None:
-        """Show what the sliders ask for [rad], shape (s,), what is measured, (s + 1,) [rad, m]; torques [N m], (s,).
+        """Show what the sliders ask for, shape (n,) [rad, m, N, Pa], what is measured, (n + 1,), and torques [N m] or
+        what else the joints give in return, (n,).
 
         None is what is not known; `slide` [m] is asked for, None: as measured. `enabled`: whether sliders command.
         """
@@ -65,12 +76,18 @@ class Panel:
             "joints",
             {
                 "enabled": enabled,
-                "asked": _rounded(np.degrees(asked), 1),
-                "angles": None if measured is None else _rounded(np.degrees(measured[:-1]), 2),
+                "asked": _rounded(self._shown(asked), self._digits),
+                "angles": None if measured is None else _rounded(self._shown(measured[:-1]), 2),
                 "slide": None if place is None else round(1e3 * place, 2),
-                "torques": None if torques is None else _rounded(torques, 4),
+                "torques": None if torques is None else _rounded(self._returned(torques), 4),
             },
         )
+
+    def _shown(self, values: FloatArray) -> FloatArray:
+        return values * self._scales if len(values) == len(self._scales) else np.degrees(values)
+
+    def _returned(self, values: FloatArray) -> FloatArray:
+        return values * self._answers if len(values) == len(self._answers) else values
 
     def show_mode(self, line: Line, mode: str, *, own: bool) -> None:
         """Show who commands the robot, in which mode."""
@@ -101,6 +118,34 @@ class Panel:
     def flush(self) -> None:
         """Send what changed."""
         self._channel.flush()
+
+
+def _scale(joint: Joint) -> float:
+    """Return the factor from a command to what its slider shows."""
+    return DEGREES if joint.unit == "rad" else SHOWN.get(joint.unit, (1.0, ""))[0]
+
+
+def _kind(number: int, joint: Joint) -> dict[str, Any]:
+    """Return how the slider of a joint is labelled: name, unit, step and digits, and the unit of what it gives back."""
+    if joint.unit == "rad":
+        return {
+            "name": f"servo {number}",
+            "unit": "°",
+            "step": 0.5,
+            "digits": 1,
+            "back": "N m",
+            "servo": True,
+        }
+    span = _scale(joint) * joint.span
+    power = math.floor(math.log10(span / 50)) if span > 0 else -1
+    return {
+        "name": joint.name,
+        "unit": SHOWN.get(joint.unit, (1.0, joint.unit))[1],
+        "step": 10.0**power,
+        "digits": max(0, -power),
+        "back": joint.answer[1],
+        "servo": False,
+    }
 
 
 def as_table(line: Line) -> dict[str, str]:

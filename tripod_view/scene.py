@@ -30,6 +30,7 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
+        has_others: Whether there are joints that are no servos.
         lost: How many bodies are so far from the others that they are left out of sight.
     """
 
@@ -50,7 +51,7 @@ class Scene:
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
         self._first = np.zeros((2, 3))
-        self.lost = 0
+        self.lost, self.has_others = 0, False
         self._aimed: dict[int, FloatArray] = {}
         self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
         self._handle = Handle(self._api, inbox, box)
@@ -64,7 +65,9 @@ class Scene:
 
     @property
     def has_servos(self) -> bool:
-        """Whether there is a robot: in the scene or, while that is not known, at all."""
+        """Whether there is something to command: in the scene or, while that is not known, at all."""
+        if self.has_others:
+            return True
         return self._robot_heard > 0 if self.picture is UNKNOWN else self.picture.servos is not None
 
     @property

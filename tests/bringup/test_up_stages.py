@@ -297,3 +297,11 @@ def test_who_has_started_everything_is_told_what_to_do_next() -> None:
     told: list[bool] = []
     until = _Until(None, SimpleNamespace(failure="", demo=None, player=None), lambda: told.append(True))  # type: ignore[arg-type]
     assert (until(), until(), told) == ("", "", [True])
+
+
+def test_a_scene_with_a_cable_runs_without_a_driver() -> None:
+    plan = started(UpOptions(undriven=("tendon",)))
+    assert [[spec.name for spec in stage] for stage in plan] == [[], ["sim", "ik", "view"], []]
+    values = up_command.chain_values({}, "examples/tendon_finger.toml", [], "mock")
+    assert "servos" not in values["driver"]
+    assert "angle_min" not in values["sim"]

@@ -24,7 +24,7 @@ def judged(one: CommandFollower, now: float, off: float = 0.0, **asked):
     mine = one.trajectory
     one.setpoint(now)
     actual = one.joints[:3] + np.array([0.0, off, 0.0])
-    tolerance = tolerances(JOINTS, asked.get("path", {}), asked.get("goal", {}), asked.get("time", 0.0))
+    tolerance = tolerances(LIMITS.table, asked.get("path", {}), asked.get("goal", {}), asked.get("time", 0.0))
     return judge(motion_of(one, actual, now, "nobody"), tolerance, asked.get("mine", mine), END)
 
 
@@ -54,7 +54,7 @@ def test_without_a_tolerance_the_way_is_free_and_the_end_is_not() -> None:
 
 def test_it_ends_too_where_nobody_asks_for_set_points_as_while_a_simulator_is_paused() -> None:
     one = follower()
-    here, given = one.joints[:3].copy(), tolerances(JOINTS, {}, {}, 0.0)
+    here, given = one.joints[:3].copy(), tolerances(LIMITS.table, {}, {}, 0.0)
     assert judge(motion_of(one, here, END + 0.4, "nobody"), given, one.trajectory, END) is None
     ended = judge(motion_of(one, here, END + 0.6, "nobody"), given, one.trajectory, END)
     assert ended and ended[0] is Outcome.GOAL_TOLERANCE_VIOLATED
@@ -104,4 +104,4 @@ def test_who_interrupts_it_is_told_and_who_replaces_it() -> None:
 )
 def test_tolerances_that_say_nothing_are_refused(path, goal, named: tuple[str, ...]) -> None:
     with raises_naming(CommandError, *named):
-        tolerances(JOINTS, path, goal, 0.0)
+        tolerances(LIMITS.table, path, goal, 0.0)

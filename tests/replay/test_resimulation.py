@@ -12,6 +12,7 @@ from tests.tiers import sampled
 from tripod_bringup.bag_session import Session, read_sessions
 from tripod_record.bag import Bag
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
+from tripod_runtime.input_log import InputLog
 from tripod_runtime.resimulation import Body, Commands, Ended, Outcome, Resimulation, Saved
 from tripod_sim.errors import SceneError
 from tripod_sim.scene.file import load_scene, scene_names
@@ -168,3 +169,20 @@ def test_a_state_that_was_changed_at_the_start_is_the_one_that_is_made_again(tmp
     resimulation = Resimulation(Simulation(scene), [Saved(checkpoint), Commands(rows)], bodies)
     assert made_again(resimulation).equal == 3
     np.testing.assert_array_equal(resimulation.simulation.state.rigid.centres, recorded.state.rigid.centres)
+
+
+def test_a_session_with_a_cable_is_made_again_bit_for_bit() -> None:
+    words = ["mesh.element=h8_modes", "mesh.cells=[4,1,1]", "motion=off"]
+    scene = load_scene("examples/tendon_finger.toml", words)
+    simulation, log, bodies = Simulation(scene), InputLog(), []
+    for step in range(1, 61):
+        joints = np.array([min(0.02, 5e-4 * step), 0.0])
+        simulation.step(joints)
+        log.add(step, 5_000_000 * step, joints)
+        bodies.append(Body(5_000_000 * step, step, simulation.shown(simulation.positions).copy()))
+    again = Resimulation(Simulation(scene), [Commands(log.take())], bodies)
+    with pytest.raises(Ended):
+        while True:
+            again.simulation.step(again.joints())
+            again.compare()
+    assert (again.outcome.steps, again.outcome.equal, again.outcome.different) == (60, 60, 0)

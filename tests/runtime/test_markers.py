@@ -1,6 +1,9 @@
 """The overwritten serialised markers against what they must decode to."""
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -8,6 +11,9 @@ from tripod_runtime.markers import SceneMarkers
 from tripod_runtime.realtime import RealTime
 from tripod_sim import Simulation, load_scene
 from tripod_sim.maze.board_mesh import board_mesh
+
+FINGER = Path(__file__).parents[2] / "examples" / "tendon_finger.toml"
+COARSE = ["mesh.element=h8_modes", "mesh.cells=[4,1,1]"]
 
 
 def test_markers_decode_to_the_deformed_surface() -> None:
@@ -71,3 +77,21 @@ def test_a_dot_stands_in_the_middle_of_each_watched_set() -> None:
         p = dot.pose.position
         assert [p.x, p.y, p.z] == place.tolist()
         assert dot.scale.x == 0.02 * 0.1
+
+
+def test_a_cable_is_a_line_through_its_points() -> None:
+    simulation = Simulation(load_scene(str(FINGER), [*COARSE, "motion=off"]))
+    markers = SceneMarkers(simulation.skin, sets=simulation.watched, cables=simulation.cables)
+    seen = []
+    for pulled in (0.0, 0.02):
+        for _ in range(20):
+            simulation.step(np.array([pulled, 0.0]))
+        snapshot = RealTime(simulation, lambda _: None).latest
+        _, dot, line = deserialize_message(markers.serialised(snapshot), MarkerArray).markers
+        assert (dot.ns, line.ns, line.type) == ("set tip", "cable tendon", Marker.LINE_STRIP)
+        points = np.array([(p.x, p.y, p.z) for p in line.points])
+        np.testing.assert_array_equal(points, simulation.cables(simulation.positions)["tendon"])
+        assert points[0].tolist() == [-0.01, 0.01, 0.003]
+        seen.append(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    assert seen[0] < 0.109  # slack: the weight bends the finger
+    assert seen[1] == pytest.approx(0.109 - 0.02, abs=1e-4)

@@ -21,7 +21,9 @@ from tripod_runtime.realtime import Snapshot
 from tripod_sim.compliance import Compliance
 from tripod_sim.integrators.report import MeshErrorReport, StepReport
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
+from tripod_sim.scene.file import load_scene
 from tripod_sim.simulation import Energies, Pose
+from tripod_sim.tables.short_forms import joints_of
 
 MESH = y_piece(LEVELS[1])
 STAMP = 1_767_225_600_123_456_789
@@ -84,7 +86,7 @@ def test_body_state_carries_every_node() -> None:
 
 def test_joint_states_name_servos_and_slide() -> None:
     s = snapshot()
-    message = wired(messages.JointTeller(3).message(s))
+    message = wired(messages.JointTeller(joints_of(load_scene("tripod"))).message(s))
     assert_header(message.header)
     assert list(message.name) == ["servo_0", "servo_1", "servo_2", "slide"]
     assert message.position.tolist() == s.joints.tolist()

@@ -152,7 +152,7 @@ def test_limits_are_the_narrower_of_parameters_and_scene() -> None:
     assert narrow.lower == pytest.approx([-0.5] * 3 + [0.0])
     assert narrow.upper == pytest.approx([0.2] * 3 + [0.01])
     assert limits_of(replace(scene, servos=None, clamp=None)) == CommandLimits()
-    apart = SimpleNamespace(count=3, arms=[SimpleNamespace(low=-2.0, high=-1.0)] * 3)
+    apart = SimpleNamespace(count=3, others=(), arms=[SimpleNamespace(low=-2.0, high=-1.0)] * 3)
     values = {p.name: p.default for p in LIMIT_PARAMETERS} | {"angle_min": -0.5}
     with raises_naming(ParameterError, "angle_min", "-0.5", "angle_max", "-2.0 to -1.0 rad"):
         _within_scene(values, scene, apart)

@@ -29,7 +29,7 @@ def test_silicone_works_without_servos(make) -> None:
     graph.choose(ControlMode.TELEOP)
     graph.command([0, 0, 0])
     status = graph.status(rejected_commands=1)
-    assert_names(status.last_rejection, "scene 'silicone'", "no servos")
+    assert_names(status.last_rejection, "scene 'silicone'", "no actuators")
     graph.listen(names.COMPLIANCE)
     graph.wait(graph.node._compliance.get_subscription_count, "the listener")
     graph.next(names.SIM_STATUS, lambda s: s.step > status.step + 100)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.messages import raises_naming
+from tests.messages import assert_names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.scene.description import BASE, arm_frames, urdf
@@ -116,3 +116,19 @@ def test_limits_are_those_of_the_scene() -> None:
 def test_a_scene_without_servos_is_no_robot() -> None:
     with raises_naming(SceneError, "scene 'cloth'", "no servos"):
         urdf(load_scene("cloth"))
+
+
+def test_a_cable_by_length_is_a_prismatic_joint_and_a_force_is_left_out() -> None:
+    scene = load_scene(
+        "examples/tendon_finger.toml", ["force=[{name='push',set='tip',direction=[0,1,0],range=[0,1]}]"]
+    )
+    text = urdf(scene)
+    (joint,) = ET.fromstring(text).findall("joint")
+    limit = joint.find("limit")
+    assert (joint.get("name"), joint.get("type")) == ("tendon", "prismatic")
+    assert limit is not None
+    assert (limit.get("lower"), limit.get("upper"), limit.get("velocity")) == ("0", "0.03", "0.03")
+    (told,) = [line for line in text.splitlines() if "<!--" in line]
+    assert_names(told, "push", "force")
+    with raises_naming(SceneError, "no servos", "no cables"):
+        urdf(load_scene("silicone"))

@@ -7,6 +7,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tripod_graph.command import CommandLimits
+from tripod_graph.joint import Joint
 from tripod_graph.mode import LEASE, NONE, RETURN, Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_teleop.drive import Drive
@@ -343,3 +344,50 @@ def test_the_status_line() -> None:
 def test_the_angles_keep_their_places() -> None:
     texts = [angles_text((a, -a, a, 0.001)) for a in np.linspace(-2.1, 0.6, 7)]
     assert {len(t) for t in texts} == {len(texts[0])}
+
+
+# other joints -----------------------------------------------------------------------------------------------
+
+TENDON, PUSH = Joint("tendon", "m", 0.0, 0.03, 0.03), Joint("push", "N", -1.0, 1.0, 0.1)
+
+
+def test_keys_move_other_joints_by_a_share_of_their_range_up_to_the_limit() -> None:
+    limits = CommandLimits(count=0, others=(TENDON, PUSH))
+    made = Operator("teleop", Drive(limits, speed=0.5, hold=0.2, pose_time=3.0))
+    start = (0.01, 0.0)
+    made.act(Act.TELEOP, start, 100.0, 0.0)
+    made.setpoint(start, 1.0)
+    made.act(KEYS["+"], start, 101.0, 1.0)
+    points = [made.setpoint(start, 1.0 + 0.05 * i) for i in range(1, 10)]
+    assert points[-1] == pytest.approx([0.01 + 0.2 * 0.25 * 0.03, 0.0])
+    made.act(KEYS["1"], start, 102.0, 2.0)
+    assert_names(made.notice, "push")
+    made.act(KEYS["-"], start, 102.0, 2.0)
+    points = [made.setpoint(start, 2.0 + 0.05 * i) for i in range(1, 10)]
+    assert points[-1] == pytest.approx([0.0115, -0.02])  # no faster than its slew rate
+    for name, wrong in (
+        ("5", ("joint 5", "2", "tendon, push")),
+        ("Q", ("catch", "servos")),
+        ("a", ("working pose",)),
+    ):
+        made.act(KEYS[name], start, 103.0, 3.0)
+        assert_names(made.notice, *wrong)
+    made.act(KEYS["0"], start, 104.0, 4.0)
+    for i in range(200):
+        made.act(KEYS["-"], start, 105.0 + 0.05 * i, 5.0 + 0.05 * i)
+        points.append(made.setpoint(start, 5.0 + 0.05 * i, 0.05))
+    assert points[-1][0] == 0.0
+    assert min(p[0] for p in points) == 0.0
+    made.act(Act.PARK, start, 120.0, 20.0)
+    assert made.setpoint(start, 30.0) == pytest.approx([0.0, 0.0])
+
+
+def test_the_command_of_an_effort_joint_is_its_effort() -> None:
+    watch = JointWatch()
+    watch.others = (TENDON, PUSH)
+    watch.hear_sim(("tendon", "push"), (0.01, 0.5), 1.0, (3.0, -0.25))
+    assert watch.joints(1.0) == (0.01, -0.25)
+    with raises_naming(JointError, "'push'", "missing"):
+        watch.hear_sim(("tendon",), (0.01,), 1.0, (3.0,))
+    with raises_naming(JointError, "'push'", "nan"):
+        watch.hear_sim(("tendon", "push"), (0.01, 0.5), 1.0, (3.0, math.nan))

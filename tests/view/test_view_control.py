@@ -1,13 +1,17 @@
 """Who commands, what the page sends, and when it is silent: the rules of `Control` and of its motions by table."""
 
+import math
+
 import numpy as np
 import pytest
 
 from tests.messages import assert_names, raises_naming
 from tripod_graph.command import CommandFollower, CommandLimits
+from tripod_graph.joint import Joint
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_view.control import PERIOD, STALE, TAKEOVER, Control
+from tripod_view.messages import trajectory_message
 from tripod_view.motion import PEAK, motion
 
 PARKED = np.zeros(4)
@@ -205,7 +209,7 @@ def test_without_control_no_motion_begins() -> None:
 
 
 def test_a_motion_is_slow_at_both_ends_and_keeps_the_joints_in_proportion() -> None:
-    path = motion(BENT, WORKING_POSE, 0.4)
+    path = motion(BENT, WORKING_POSE, 0.4, CommandLimits().table)
     assert path.times[-1] == pytest.approx((1.4965 - 0.3) / 0.4)
     share = (path.positions - BENT) / (np.array(WORKING_POSE) - BENT)
     assert share == pytest.approx(np.tile(share[:, :1], 4))
@@ -216,14 +220,14 @@ def test_a_motion_is_slow_at_both_ends_and_keeps_the_joints_in_proportion() -> N
 
 
 def test_a_motion_of_the_slide_alone_and_none_at_all_still_take_time() -> None:
-    assert motion(PARKED, (0, 0, 0, 0.035), 0.4).times[-1] == pytest.approx(3.5)
-    assert motion(PARKED, PARKED, 0.4).times[-1] == pytest.approx(0.5)
+    assert motion(PARKED, (0, 0, 0, 0.035), 0.4, CommandLimits().table).times[-1] == pytest.approx(3.5)
+    assert motion(PARKED, PARKED, 0.4, CommandLimits().table).times[-1] == pytest.approx(0.5)
 
 
 def test_a_follower_keeps_up_with_the_motion_to_the_working_pose() -> None:
     limits = CommandLimits()
     follower = CommandFollower(limits)
-    path = motion(PARKED, WORKING_POSE, 0.4)
+    path = motion(PARKED, WORKING_POSE, 0.4, CommandLimits().table)
     follower.setpoint(0.0)
     follower.accept(path.names, path.times, path.positions, 0.0)
     worst = 0.0
@@ -245,3 +249,33 @@ def test_slow_servos_get_a_slower_motion() -> None:
     assert path is not None
     speed = np.diff(path.positions[:, 0], prepend=0.0) / np.diff(path.times, prepend=0.0)
     assert np.abs(speed).max() <= 0.3
+
+
+TENDON, PUSH = Joint("tendon", "m", 0.0, 0.03, 0.03), Joint("push", "Pa", 0.0, 30e3, 30e3)
+
+
+def test_a_slider_in_millimetres_moves_a_cable_and_parks_it_slowly() -> None:
+    c = Control("/view#1", CommandLimits(count=0, others=(TENDON, PUSH)), speed=0.4)
+    c.measure(np.array([0.01, 5e3, 0.0]), 0.0)
+    c.decide(Mode.TELEOP, 100.0, 0.0)
+    assert c.set_shown(0, 12.5)
+    assert c.set_shown(1, 20.0)
+    sent = c.command(0.9)
+    assert sent
+    message = trajectory_message(sent, "me")
+    assert list(message.joint_names) == ["tendon", "push"]
+    assert message.points[0].positions.tolist() == pytest.approx([0.0125, 0.0])
+    assert message.points[0].effort.tolist() == pytest.approx([0.0, 20e3])
+    assert c.set_shown(0, 40.0)
+    assert c.angles[0] == 0.03
+    assert_names(c.notice, "tendon", "40 mm", "30 mm")
+    assert not c.set_shown(0, math.nan)
+    assert not c.set_shown(2, 1.0)
+    c.measure(np.array([0.03, 0.0, 0.0]), 1.0)
+    assert c.go("park pose", c.limits.park, 1.0)
+    path = c.command(1.0)
+    assert path
+    assert path.names == ("tendon", "push")
+    speed = np.abs(np.diff(path.positions[:, 0])) / np.diff(path.times)
+    assert speed.max() <= 0.03 + 1e-9
+    assert path.positions[-1].tolist() == [0.0, 0.0]

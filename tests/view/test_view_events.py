@@ -14,6 +14,7 @@ from tripod_view.events import (
     Grabbed,
     Inbox,
     Joined,
+    JointMoved,
     KeysHeld,
     Left,
     Pressed,
@@ -120,3 +121,14 @@ def test_messages_of_the_page_are_events(sent: str, event: object) -> None:
 def test_what_no_page_sends_is_refused(sent: str) -> None:
     with pytest.raises(EventError):
         event_of(sent)
+
+
+def test_a_joint_that_is_no_servo_is_moved_in_the_unit_of_its_slider() -> None:
+    assert event_of('{"joint": 1, "value": 12.5}') == JointMoved(1, 12.5)
+    for wrong in ('{"joint": 1, "value": NaN}', '{"joint": -1, "value": 1}', '{"joint": true, "value": 1}'):
+        with pytest.raises(EventError):
+            event_of(wrong)
+    inbox = Inbox(lambda: None)
+    for event in (JointMoved(0, 1.0), JointMoved(0, 2.0), JointMoved(1, 3.0)):
+        inbox.put(event)
+    assert inbox.drain() == [JointMoved(0, 2.0), JointMoved(1, 3.0)]

@@ -37,6 +37,10 @@ class ActuatorTerm(BlockTerm):
         """Return none: the work that actuators do comes from outside."""
         return 0.0, 0.0
 
+    def path(self, _: FloatArray) -> FloatArray | None:
+        """Return the line as which it is drawn at positions [m], shape (n, 3), as points (k, 3); None: it has none."""
+        return None
+
     def runaway(self) -> str:
         """Return in words why the last `add_gradient` may have been far from any equilibrium; empty if it was not."""
         return ""

@@ -4,8 +4,9 @@ Links: base_link (the plane of the flat piece); carriage_i, the body of servo i,
 frame; arm_i, which turns about the servo's axis; effector; and, in a scene that has them, plate (fixed to the effector)
 and ball. The frame of a carriage lies on its servo's axis, x outward along the strip, z along the arm: up. A negative
 angle of servo i tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all carriages, all but
-the first as its mimics; one that does not slide is fixed. The silicone between the links is no rigid link; the joints
-of effector and ball are floating.
+the first as its mimics; one that does not slide is fixed. A cable commanded by its length is a prismatic joint of its
+name, whose link has no geometry; forces, pressures and tensions are left out, a comment says which. The silicone
+between the links is no rigid link; the joints of effector and ball are floating.
 """
 
 import xml.etree.ElementTree as ET
@@ -18,7 +19,7 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion
 from tripod_sim.errors import SceneError
 from tripod_sim.scene.scene import Scene
-from tripod_sim.tables.joints import Arm, Joints
+from tripod_sim.tables.joints import Actuator, Arm, Joints
 from tripod_sim.tables.robot import ServoDynamics
 from tripod_sim.tables.short_forms import effector_of, joints_of
 
@@ -43,10 +44,10 @@ def urdf(scene: Scene) -> str:
         SceneError: the scene has no servos, or its maze cannot be built.
     """
     joints = joints_of(scene)
-    if not (joints and joints.arms):
+    if not (joints and (joints.arms or any(a.unit == "m" for a in joints.others))):
         raise SceneError(
-            f"scene {scene.name!r} has no servos, so there is no robot to describe; take a scene with "
-            "[servos], such as tripod"
+            f"scene {scene.name!r} has no servos and no cables commanded by length, so there is no robot to describe; "
+            "take a scene with [servos], such as tripod"
         )
     robot = ET.Element("robot", name=scene.name)
     _link(robot, BASE)
@@ -54,6 +55,8 @@ def urdf(scene: Scene) -> str:
     for i, arm in enumerate(joints.arms):
         _carriage(robot, i, arm, joints, slides)
         _arm(robot, i, arm, scene.servo_dynamics or ServoDynamics())
+    for actuator in joints.others:
+        _pulled(robot, actuator)
     if effector := effector_of(scene):
         disc = f"cylinder radius={effector.radius:g} length={DISC_HEIGHT:g}"
         _link(robot, EFFECTOR, disc, SILICONE)
@@ -125,6 +128,20 @@ def _arm(robot: ET.Element, i: int, arm: Arm, dynamics: ServoDynamics) -> None:
         effort=f"{dynamics.stall_torque:g}",
         velocity=f"{dynamics.speed:g}",
     )
+
+
+def _pulled(robot: ET.Element, actuator: Actuator) -> None:
+    """Add the joint of a length that is pulled in, with a link without geometry; say what URDF has no joint for."""
+    name = actuator.name
+    if actuator.unit != "m":
+        who, what = name.replace("--", "- -"), actuator.quantity
+        robot.append(ET.Comment(f" {who} is left out: URDF has no joint for a {what} "))
+        return
+    _link(robot, f"{name}_end")
+    joint = _joint(robot, name, "prismatic", BASE, f"{name}_end")
+    low, high = actuator.low, actuator.high
+    ET.SubElement(joint, "axis", xyz="1 0 0")
+    ET.SubElement(joint, "limit", lower=f"{low:g}", upper=f"{high:g}", effort="0", velocity=f"{high - low:g}")
 
 
 def _link(

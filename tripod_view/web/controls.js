@@ -49,8 +49,10 @@ function servos() {
     [...rows.children].forEach((row, i) => (row.style.display = i < range.length ? "" : "none"));
   });
   const slide = slideRow();
+  const work = button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a");
+  listen("kinds", (kinds) => (work.style.display = kinds.some((kind) => kind.servo) ? "" : "none"));
   const motions = place(element("div", { class: "row" }), [
-    button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a"),
+    work,
     button("Park", () => send({ press: "park" }), "A slow motion; key p"),
   ]);
   listen("mode", ({ mode, own }) => {
@@ -77,10 +79,17 @@ function servo(i) {
   const number = element("input", { type: "number", step: STEP, "aria-label": `servo ${i}, typed (degrees)`, disabled: "" });
   const torque = element("span", { class: "torque" });
   const bar = element("meter", { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0, "aria-label": `torque of servo ${i}` });
-  const name = element("label", {}, `servo ${i}`);
+  const name = element("label", {}, `servo ${i}`), unit = element("span", { class: "unit" }, "°");
+  const kind = () => (value("kinds") ?? [])[i] ?? { name: `servo ${i}`, unit: "°", step: STEP, digits: 1, back: "N m", servo: true };
+  const move = (text) => send(kind().servo ? { servo: i, degrees: Number(text) } : { joint: i, value: Number(text) });
+  const limit = ([low, high]) => {
+    const { step, unit: shown, servo: turns } = kind();
+    [slider.min, slider.max] = [Math.ceil(low / step) * step, Math.floor(high / step + 1e-6) * step];
+    number.title = `${low} to ${high} ${turns ? "degrees" : shown}`;
+  };
   const isHeld = held(slider);
-  slider.addEventListener("input", () => send({ servo: i, degrees: Number(slider.value) }));
-  number.addEventListener("change", () => number.value && send({ servo: i, degrees: Number(number.value) })); // "" is no 0
+  slider.addEventListener("input", () => move(slider.value));
+  number.addEventListener("change", () => number.value && move(number.value)); // "" is no 0
   number.addEventListener("keydown", (event) => event.key === "Enter" && number.blur());
   number.addEventListener("blur", () => show(value("joints"))); // what is asked for, whatever was typed
   listen("colours", (colours) => {
@@ -89,27 +98,36 @@ function servo(i) {
   });
   listen("range", (range) => {
     if (i >= range.length) return;
-    [slider.min, slider.max] = [Math.ceil(range[i][0] / STEP) * STEP, Math.floor(range[i][1] / STEP) * STEP];
-    number.title = `${range[i][0]} to ${range[i][1]} degrees`;
+    limit(range[i]);
+  });
+  listen("kinds", (kinds) => {
+    if (i >= kinds.length) return;
+    const { name: text, unit: shown, step, servo: turns } = kinds[i];
+    setText(name, text);
+    setText(unit, shown);
+    slider.step = number.step = step;
+    slider.setAttribute("aria-label", `${text} (${turns ? "degrees" : shown})`);
+    number.setAttribute("aria-label", `${text}, typed (${turns ? "degrees" : shown})`);
+    if (value("range")?.[i]) limit(value("range")[i]);
   });
   const show = (joints) => {
     if (i >= joints.asked.length) return;
     slider.disabled = number.disabled = !joints.enabled;
     if (!isHeld()) slider.value = joints.asked[i];
-    if (document.activeElement !== number) number.value = joints.asked[i].toFixed(1);
-    const limit = value("scene")?.stall_torque;
+    if (document.activeElement !== number) number.value = joints.asked[i].toFixed(kind().digits);
+    const stall = kind().servo ? value("scene")?.stall_torque : null;
     if (!joints.torques || i >= joints.torques.length) {
-      setText(torque, "torque not known");
+      setText(torque, kind().servo ? "torque not known" : "not known");
       bar.value = 0;
       return;
     }
     const load = joints.torques[i];
-    setText(torque, limit ? `${load.toFixed(3)} of ${limit} N m` : `${load.toFixed(3)} N m`);
-    torque.classList.toggle("bad", Boolean(limit) && Math.abs(load) > limit);
-    bar.value = limit ? Math.min(Math.abs(load) / limit, 1) : 0;
+    setText(torque, stall ? `${load.toFixed(3)} of ${stall} N m` : `${load.toFixed(3)} ${kind().back}`);
+    torque.classList.toggle("bad", Boolean(stall) && Math.abs(load) > stall);
+    bar.value = stall ? Math.min(Math.abs(load) / stall, 1) : 0;
   };
   listen("joints", show);
-  return place(row, [name, slider, number, element("span", { class: "unit" }, "°"), bar, torque]);
+  return place(row, [name, slider, number, unit, bar, torque]);
 }
 
 function slideRow() {
@@ -124,6 +142,7 @@ function slideRow() {
     setText(text, joints.slide === null ? "not known" : `${joints.slide.toFixed(1)} mm`);
   });
   const row = element("div", { class: "servo slide", title: "All servo bodies move inward; the real robot has no such motor" });
+  listen("kinds", (kinds) => (row.style.display = kinds.some((kind) => kind.servo) ? "" : "none"));
   return place(row, [element("label", {}, "slide"), slider, text]);
 }
 

@@ -9,13 +9,19 @@ const LEFT = 74, EDGE = 12, LINE = 22; // of the numbers beside the curves, abov
 export function plots() {
   const angles = plot("servo angles (°)", "only-servos");
   const factor = plot("simulated / real time", "");
-  listen("joints", (joints) => joints.angles && angles.add(joints.angles, value("colours") ?? [], ...span()));
+  listen("joints", (joints) => joints.angles && angles.add(turning(joints.angles), value("colours") ?? [], ...span()));
   listen("run", (run) => run && factor.add([run.factor], ["#2f9e44"], 0, 1.5));
   return section("plots", "Plots", [angles.node, factor.node], false);
 }
 
+// Of values of all joints those of the servos, which come first.
+function turning(values) {
+  return values.filter((_, i) => value("kinds")?.[i]?.servo ?? true);
+}
+
 function span() {
-  const range = value("range") ?? [[-120, 35]];
+  const range = turning(value("range") ?? [[-120, 35]]);
+  if (!range.length) return [-120, 35];
   return [Math.min(...range.map((r) => r[0])), Math.max(...range.map((r) => r[1]))];
 }
 

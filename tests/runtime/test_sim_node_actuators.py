@@ -1,0 +1,150 @@
+"""Cables, chambers and forces in a graph: what commands them, what is refused, and what is told of them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from tripod_msgs.msg import ControlMode, SimStatus
+
+from tests.decisions import SOURCE
+from tests.messages import assert_names
+from tripod_graph import names
+
+pytestmark = pytest.mark.ros
+ROOT = Path(__file__).parents[2]
+FINGER = str(ROOT / "examples" / "tendon_finger.toml")
+COARSE = "mesh.element=h8_modes;mesh.cells=[4,1,1];motion=off"
+NAN = float("nan")
+MIXED = """
+name = "mixed"
+dt = 0.005
+[mesh]
+source = "block"
+element = "h8_modes"
+cells = [4, 1, 1]
+corners = [[0, 0, 0], [0.1, 0, 0], [0.1, 0.02, 0], [0, 0.02, 0],
+           [0, 0, 0.015], [0.1, 0, 0.015], [0.1, 0.02, 0.015], [0, 0.02, 0.015]]
+[material]
+young = 300e3
+density = 1070
+[inertia]
+[damping]
+stiffness = 0.01
+[[set]]
+name = "root"
+high = [0, 1, 1]
+[[set]]
+name = "tip"
+low = [0.1, -1, -1]
+[[fixed]]
+set = "root"
+[[cable]]
+name = "tendon"
+range = [0, 0.01]
+via = [{body = "world", points = [[-0.01, 0.01, 0.003]]}, {points = [[0, 0.01, 0.003], [0.099, 0.01, 0.003]]}]
+[[force]]
+name = "push"
+set = "tip"
+direction = [0, 1, 0]
+range = [-0.5, 1]
+"""
+
+
+def send(
+    graph: Any, joints: list[str], positions: list[float], effort: list[float], seconds: float = 0.0
+) -> None:
+    """Publish a trajectory of one point."""
+    point = JointTrajectoryPoint(positions=positions, effort=effort)
+    point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(seconds * 1e9), 10**9)
+    message = JointTrajectory(joint_names=joints, points=[point])
+    message.header.frame_id = SOURCE
+    graph.trajectory.publish(message)
+
+
+def state(graph: Any) -> dict[str, tuple[float, float]]:
+    """Return position and effort of each joint, by name."""
+    told = graph.next(names.SIM_JOINT_STATES)
+    return {n: (p, e) for n, p, e in zip(told.name, told.position, told.effort, strict=True)}
+
+
+def test_a_cable_follows_its_trajectory_holds_on_stop_and_parks(make) -> None:
+    graph = make(scene=FINGER, set=f"'{COARSE}'", timeout=60.0, park_after=1.0, pose_rate=200.0).start()
+    told = graph.status(state=SimStatus.PARKED)
+    assert (list(told.joint_names), list(told.units)) == (["tendon"], ["m"])
+    assert (list(told.lower), list(told.upper), list(told.speed)) == ([0.0], [0.03], [0.03])
+    assert list(graph.next(names.SIM_JOINT_STATES).name) == ["tendon"]
+    graph.choose(ControlMode.TELEOP)
+    every = graph.listen_to_all(names.SIM_JOINT_STATES)
+    send(graph, ["tendon"], [0.02], [])
+    graph.next(names.SIM_JOINT_STATES, lambda m: m.position[0] > 0.019)
+    there = graph.next(names.SIM_JOINT_STATES, lambda m: m.position[0] == pytest.approx(0.02))
+    assert there.effort[0] > 0.1  # the tension
+    times = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in every])
+    pulled = np.array([m.position[0] for m in every])
+    moving = (pulled[1:] > pulled[:-1]) & (np.diff(times) > 0)
+    assert (
+        np.diff(pulled).max() <= 0.03 * 0.1 + 1e-9
+    )  # no jump: its range in a second, a stall counts as 0.1 s
+    assert moving.any()
+    send(graph, ["tendon"], [0.0], [], seconds=5.0)
+    graph.next(names.SIM_JOINT_STATES, lambda m: m.position[0] < 0.019)
+    graph.choose(ControlMode.STOP)
+    held = graph.status(state=SimStatus.HOLDING)
+    assert_names(held.message or "tendon", "tendon")
+    first = state(graph)["tendon"][0]
+    assert 0.0 < first < 0.02
+    graph.status(state=SimStatus.PARKED)
+    graph.next(names.SIM_JOINT_STATES, lambda m: m.position[0] == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions", "effort", "wrong"),
+    [
+        (["tendon", "push"], [0.005, 0.5], [], ("push", "effort", "force [N]")),
+        (["tendon", "push"], [0.005, 0.5], [0.0, 0.5], ("push", "position 0.5", "force [N]", "NaN")),
+        (["tendon", "push"], [0.005, 0.0], [2.0, 0.5], ("tendon", "effort 2", "length [m]")),
+        (["tendon", "push"], [0.02, 0.0], [0.0, 0.5], ("tendon", "0.02 m", "0 to 0.01 m")),
+        (["tendon", "push"], [0.005, 0.0], [0.0, -0.6], ("push", "-0.6 N", "-0.5 to 1 N")),
+        (["tendon", "push"], [NAN, NAN], [NAN, 0.5], ("tendon", "nan m")),
+        (["tendon", "push"], [0.005, NAN], [NAN, NAN], ("push", "nan N")),
+        (["tendon"], [0.005], [], ("'push'", "missing", "tendon, push")),
+        (["tendon", "pull"], [0.005, 0.0], [0.0, 0.5], ("'pull'", "tendon, push")),
+        (["tendon", "push", "slide"], [0.005, 0.0, 0.0], [0.0, 0.5, 0.0], ("'slide'", "tendon, push")),
+        (["tendon", "push"], [0.005], [0.0, 0.5], ("1 positions", "2 joints")),
+    ],
+)
+def test_a_command_of_the_wrong_kind_is_refused(make, tmp_path, joints, positions, effort, wrong) -> None:
+    (tmp_path / "mixed.toml").write_text(MIXED)
+    graph = make(scene=str(tmp_path / "mixed.toml"), timeout=60.0).start()
+    graph.choose(ControlMode.TELEOP)
+    send(graph, joints, positions, effort)
+    told = graph.status(rejected_commands=1)
+    assert_names(told.last_rejection, *wrong)
+    assert state(graph)["tendon"][0] == 0.0
+
+
+def test_lengths_are_positions_and_forces_are_efforts(make, tmp_path) -> None:
+    (tmp_path / "mixed.toml").write_text(MIXED)
+    graph = make(scene=str(tmp_path / "mixed.toml"), timeout=60.0, range_time=0.1).start()
+    told = graph.next(names.SIM_STATUS)
+    assert (list(told.joint_names), list(told.units)) == (["tendon", "push"], ["m", "N"])
+    assert list(told.speed) == pytest.approx([0.1, 15.0])
+    graph.choose(ControlMode.TELEOP)
+    send(graph, ["push", "tendon"], [NAN, 0.002], [0.3, 0.0])  # in any order
+    graph.next(names.SIM_JOINT_STATES, lambda m: m.effort[1] == pytest.approx(0.3))
+    graph.spin(0.5)
+    now = state(graph)
+    assert now["tendon"][0] == pytest.approx(0.002)
+    assert now["push"][1] == pytest.approx(0.3)
+    assert now["push"][0] > 1e-4  # where the force has moved its set
+    labels = graph.next(names.COMMANDS).layout.dim[1].label
+    assert labels.split()[-3:] == ["tendon", "push", "slide"]
+    assert graph.call(names.SIM_RESET, Trigger.Request()).success
+    assert state(graph)["push"][1] == 0.0
