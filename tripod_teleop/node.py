@@ -4,6 +4,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -265,7 +266,7 @@ def checked_angles(name: str, angles: list[float], limits: CommandLimits) -> tup
     if not angles:
         raise ParameterError(f"parameter '{name}' is empty; give an angle for each servo, or one for all")
     try:
-        limits.of(len(angles)).check(np.array([*angles, 0.0]), f"parameter '{name}'")
+        replace(limits, park=()).of(len(angles)).check(np.array([*angles, 0.0]), f"parameter '{name}'")
     except CommandError as error:
         raise ParameterError(str(error)) from None
     return tuple(angles)

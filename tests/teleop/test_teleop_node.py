@@ -22,6 +22,7 @@ import pytest
 
 from tests.decisions import keep
 from tests.messages import assert_names, names
+from tripod_graph.command import CommandLimits
 from tripod_graph.mode import Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_graph.source import name_of
@@ -463,6 +464,11 @@ def test_a_bad_parameter_is_refused_before_the_terminal_is_touched(
         assert session.screen == b""
     finally:
         session.close()
+
+
+def test_a_park_position_of_all_joints_goes_with_one_angle_for_all_servos() -> None:
+    limits = CommandLimits(park=(-1.4965, -1.4965, -1.4965, 0.035))
+    assert teleop.checked_angles("catch", [0.3], limits) == (0.3,)
 
 
 def test_without_a_terminal_it_says_so() -> None:

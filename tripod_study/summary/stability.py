@@ -142,10 +142,10 @@ def _balance(energy: Mapping[str, Any]) -> str:
         return f"{joules(-energy['lost'])} more than was put in{since}: look at dt and the scheme"
     if max(TINY, SWAY * energy["moved"]) < -energy["lost"] <= energy["unsure"]:
         known = joules(energy["unsure"])
-        return f"servos put in {joules(energy['work'])}, as their torques jump known to {known}{since}"
+        return f"actuators put in {joules(energy['work'])}, as their efforts jump known to {known}{since}"
     if energy["lost"] < -TINY:
         return f"sways by {-energy['lost'] / energy['moved']:.2g} of what moves{since}, as stable schemes do"
-    put_in = f"servos put in {joules(energy['work'])}, " if energy["work"] else ""
+    put_in = f"actuators put in {joules(energy['work'])}, " if energy["work"] else ""
     return f"{put_in}{joules(energy['lost'])} lost to damping, friction and the time steps{since}"
 
 
