@@ -139,7 +139,7 @@ def test_what_servos_that_jump_put_in_is_no_growth_but_what_comes_from_nothing_i
     assert -balance.unsure < balance.lost < -0.01 * balance.moved
     assert not balance.grew
     line = dict(stability_lines(asdict(stability(s.report, 0, balance, s.scene.dt))))["energy balance"]
-    assert_names(line, "servos", "torques jump", "mJ")
+    assert_names(line, "actuators", "efforts jump", "mJ")
     later = replace(s.energies(), kinetic=s.energies().kinetic + 2 * balance.unsure)
     books.add(later, s.state.joints, s.efforts, s.state.time)
     assert books.balance.grew
