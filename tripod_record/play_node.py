@@ -2,10 +2,12 @@
 
 import re
 import time
+from array import array
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -186,7 +188,8 @@ def conversion(kind: str, old: Typestore) -> Convert | None:
     if not (same and was.items() <= fields.items() and all(_has_default(own, name) for name in added)):
         return None
     message = message_class(kind)()
-    more = {name: getattr(message, name) for name in added}
+    blank = {name: getattr(message, name) for name in added}
+    more = {name: np.asarray(v) if isinstance(v, array) else v for name, v in blank.items()}
 
     def convert(data: bytes | memoryview) -> bytes:
         found = decoded(old, bytes(data), kind)
@@ -212,5 +215,9 @@ def _parts(store: Typestore, kind: str) -> set[str]:
 
 
 def _has_default(text: str, name: str) -> bool:
-    """Return whether a field of a definition has a default value."""
-    return bool(re.search(rf"^\s*\S+\s+{re.escape(name)}[ \t]+[^\s#=]", text, re.MULTILINE))
+    """Return whether a field of a definition has a default value.
+
+    A sequence cannot have an empty one; there the comment says "empty: not told".
+    """
+    field = rf"^\s*\S+\s+{re.escape(name)}[ \t]+"
+    return bool(re.search(rf"{field}([^\s#=]|#.*empty: not told)", text, re.MULTILINE))
