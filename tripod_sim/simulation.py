@@ -326,7 +326,7 @@ class Simulation:
                 goal[k - 1] += turn
             parts.stepper.forget()
             parts.stepper.step(state, goal, dt)
-            torques[k] = parts.system.efforts
+            torques[k] = parts.system.torques
         parts.stepper.forget()
         return np.asarray(np.abs(torques[1:] - torques[0]).sum(axis=1) / turn)
 

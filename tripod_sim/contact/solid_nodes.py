@@ -166,7 +166,7 @@ class SolidNodes(Body):
         nodes = self.nodes[pressed]
         moments = np.cross(system.lever[nodes], forces[pressed])
         frames = system.reduction.number[nodes]
-        np.subtract.at(system.efforts, frames, (system.axes[frames] * moments).sum(axis=1))
+        np.subtract.at(system.torques, frames, (system.axes[frames] * moments).sum(axis=1))
 
     # what a step with contact asks ------------------------------------------------------------------------------------
 

@@ -279,8 +279,8 @@ class ExplicitSteps:
         system.drive(state, joints)
         system.update_levers(state)
         system.gradient[:] = self._scratch.gradient
-        system.reduction.gradient(self._scratch.gradient, self._reduced, system.efforts)
-        system.efforts += self._jerked
+        system.reduction.gradient(self._scratch.gradient, self._reduced, system.torques)
+        system.torques += self._jerked
         self._given += work
         for term in self._forces:
             if term.works and self._keep:

@@ -22,7 +22,7 @@ class RefinedSolver:
         self._system = system
         n = len(system.rest)
         self._nodes, self._products = np.zeros((2, n, 3))
-        self._unused = np.zeros(len(system.efforts))
+        self._unused = np.zeros(len(system.torques))
         self._base = np.repeat(system.reduction.free, 3)
 
     def solve(self, b: FloatArray) -> FloatArray:

@@ -169,7 +169,7 @@ class StrainLimited:
             getattr(state, name)[:] = getattr(moved, name)
         for part, momentum in zip(self._loose, before, strict=True):
             self._turn(part, state, momentum)
-        self._of.efforts += self._system.efforts
+        self._of.torques += self._system.torques
         if take := getattr(self.inner, "take", None):
             take(self._energy(state) - energy)
         return report

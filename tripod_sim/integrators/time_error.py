@@ -108,7 +108,7 @@ class Nodes:
         self.shape = (len(mass), 3)
         self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
         self._heavy = [t for t in system.terms if t.has_inertia]
-        self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.efforts))
+        self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
         self._force, self._move = np.zeros(self.shape), np.zeros(self.shape)
         self._effector = system.groups.rigid[0] if system.groups.rigid else None
         own = not (system.elastic.lasting or system.groups.rigid)

@@ -97,7 +97,7 @@ def modes(system: System, inertia: csr_matrix) -> Modes:
         LinearError: a system is not solved for.
     """
     reduction, moved = system.reduction, np.zeros_like(system.rest)
-    torques = np.zeros_like(system.efforts)
+    torques = np.zeros_like(system.torques)
 
     def answer(forces: FloatArray) -> FloatArray:
         reduced = np.zeros(system.unknowns)
