@@ -127,7 +127,7 @@ class ModalError:
         richer = self._richer
         found, reduced = np.zeros_like(richer.rest), np.zeros(richer.unknowns)
         self._loads.spread(force, own, fine, found)
-        richer.reduction.gradient(found, reduced, np.zeros_like(richer.efforts))
+        richer.reduction.gradient(found, reduced, np.zeros_like(richer.torques))
         found[:] = 0.0
         richer.reduction.moves(richer.linear.solve(reduced), richer.lever, found)
         return found
