@@ -110,6 +110,6 @@ def cut(joints: FloatArray, limits: CommandLimits) -> str:
         if not fits:
             unit = joint.unit
             safe = f"its safe range is {joint.low:.3f} to {joint.high:.3f} {unit}"
-            sent = f"the nearest allowed {joint.quantity} is sent"
-            return f"{joint.name} is commanded to {value:.3f} {unit}, {safe}; {sent}"
+            beyond = f"{joint.name} is commanded to {value:.3f} {unit}, {safe}"
+            return f"{beyond}; the nearest allowed {joint.quantity} is sent"
     return ""
