@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 from math import exp, hypot
 
 import numpy as np
@@ -357,31 +358,17 @@ class Tracker:
         dt: float,
     ) -> IkResult:
         """Return the result of a step that is not too fast for the effector and keeps off hard limits."""
-        problem = build_ik(
-            state,
-            tasks,
-            limits,
-            row_limits,
-            previous=self._previous,
-            dt=dt,
-            turning=self._turning,
+        build = partial(
+            build_ik, state, tasks, row_limits=row_limits, previous=self._previous, dt=dt, turning=self._turning,
             relax=True,
-        )
+        )  # fmt: skip
+        problem = build(limits=limits)
         result = self._solver.solve(problem)
         turn = result.command - problem.hold
         part = hypot(*(state.jacobian[:3] @ turn).tolist()) / max(self.settings.effector_speed * dt, 1e-12)
         if part > 1 + 1e-6 and dt > 0 and result.ok:
             limits = (*limits, SpeedLimit(float(np.abs(turn).max()) / (part * dt)))
-            problem = build_ik(
-                state,
-                tasks,
-                limits,
-                row_limits,
-                previous=self._previous,
-                dt=dt,
-                turning=self._turning,
-                relax=True,
-            )
+            problem = build(limits=limits)
             result = self._solver.solve(problem)
         if self.settings.hard and result.ok:
             result = self._off_the_limits(problem, limits, row_limits, dt, result)

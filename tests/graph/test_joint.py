@@ -1,4 +1,4 @@
-"""Joints that are no servos: limits, the driver's range, goals and what a status tells of them."""
+"""Joints other than servos: their limits, the driver's range, goals, and their part of a status message."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Cables, chambers and forces in a graph: what commands them, what is refused, and what is told of them."""
+"""Cables, chambers and forces in the node graph: commands, refusals, joint states and status."""
 
 from pathlib import Path
 from typing import Any
