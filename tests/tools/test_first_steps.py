@@ -124,7 +124,7 @@ def test_your_own_robot(terminal: Terminal, checkout: Path) -> None:
             (checkout / "my_robot" / "make_mesh.py").write_text(program)
             (checkout / "my_robot" / "bridge.toml").write_text(scene)
     for said in (said for line, said in shown.items() if "inertia=off" in line):
-        error = re.search(r"effector (at most \S+ mm)", said)
+        error = re.search(r"effector (about \S+ mm)", said)
         assert error
         assert_names(text(OWN), f"{effector(said)[2]:.1f} mm", error[1])
     reached = next(said for line, said in shown.items() if '0 -8mm"' in line)
