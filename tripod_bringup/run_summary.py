@@ -241,8 +241,9 @@ def _time_error(error: Mapping[str, Any]) -> str:
 
 
 def _too_large(error: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """Return what it means that the estimated error is larger than the motion; empty where it is not."""
-    if error["node"] < 0 or not error["largest"] > result["displacement"]["largest"]:
+    """Return what it means that the estimated error is larger than the motion; empty where it is not, or not shown."""
+    least = max(result["displacement"]["largest"], 1e-3 * SMALL)
+    if error["node"] < 0 or not error["largest"] > least:
         return ""
     return ", which is more than the whole motion: the end of this run is not reliable, take a smaller dt"
 

@@ -167,6 +167,7 @@ class WayState(Copyable):
         sums: Of the errors of all parts (see `path_error_kernels.write_lengths`), shape (n, 4).
         added: Sum of what parts have added to the errors of points [m], shape (n,).
         furthest: That a point of each kind has been from its origin [m], shape (2,).
+        ways: That points have gone [m], shape (n,).
         length: Of the last part [s]; 0 before the first.
         proposed: That of the next [s]; 0 before the first.
         twist: Of the plate of a maze at the end of the last part (see `MazeBall`), shape (2, 3); shape (0, 3) without.
@@ -180,6 +181,7 @@ class WayState(Copyable):
     sums: FloatArray
     added: FloatArray
     furthest: FloatArray
+    ways: FloatArray
     twist: FloatArray
     fastest: float = 0.0
     length: float = 0.0

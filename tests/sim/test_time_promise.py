@@ -131,3 +131,15 @@ def test_the_benchmark_counts_promises_and_measures_on_until_there_are_enough() 
     assert time_promise.missing([*rows[2:], *every[1:]], 1) == ("falls", 2), (
         "neither chaotic ones nor unpromised count"
     )
+
+
+@pytest.mark.slow
+def test_a_swing_that_goes_on_for_long_is_not_promised_any_longer() -> None:
+    simulation = Simulation(load_scene("silicone", ASKED))
+    told = {}
+    for k in range(1, 201):
+        simulation.step()
+        told[k] = [n for n in simulation.notes if "time_error.accuracy" in n]
+    assert not told[120]
+    (note,) = told[200]
+    assert_names(note, "time_error.accuracy = 0.05", "not promised", "long swing", "inertia.scheme = 'tr_bdf2'")

@@ -134,7 +134,8 @@ def finish(wanted: TimeError, model: Model, parts: Parts, build: Callable[[Model
         distance = model.contact.contact_distance if model.contact else 0.0
         nets = [body.springs is not None for _, body in model.bodies]
         control = PathErrorControl(parts, wanted, model.scheme, distance, solid=not all(nets), net=any(nets))
-        return replace(parts, stepper=Substeps(control.integrator, control), chosen=control)
+        watches = (*parts.watches, *([control.swing_note] if wanted.accuracy else []))
+        return replace(parts, stepper=Substeps(control.integrator, control), chosen=control, watches=watches)
     if parts.errors:
         return parts
     from tripod_sim.steps.doubling import Doubling

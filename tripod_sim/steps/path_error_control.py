@@ -97,6 +97,9 @@ MOST_HALVINGS = 6
 KEEP = 1.4
 """By which a length must have grown before it is changed: lengths that recur keep factorisations."""
 
+SWUNG = 4.0
+"""Longest way over distance for which an accuracy is promised: two periods of what is let go."""
+
 BEFORE = 0.98
 """Of the way to a hit: what a part goes that is to end before it."""
 
@@ -106,6 +109,7 @@ class PathErrorControl(StepControl):
 
     Attributes:
         integrator: Advances over a substep.
+        swung: Longest way of a point so far, over how far one of its kind has been from its origin.
     """
 
     rejects = True
@@ -130,6 +134,7 @@ class PathErrorControl(StepControl):
             solid: Whether a body is a solid.
             net: Whether a body is of springs.
         """
+        self.swung = 0.0
         self._order, self._fast = scheme.order, scheme.over_difference
         inner = parts.stepper
         self.integrator = inner.integrator if isinstance(inner, Substeps) else StepperIntegrator(inner)
@@ -172,7 +177,7 @@ class PathErrorControl(StepControl):
         self._read(state, self._before)
         x, v = self._before.copy()
         twist = np.zeros((2 if self._maze else 0, 3))
-        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), twist)
+        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), np.zeros(len(x)), twist)
         self._measure(known, 1.0, 1.0, None)
         self._ratio(known)
         if self._maze and state.ball:
@@ -266,6 +271,20 @@ class PathErrorControl(StepControl):
         if ball and known.balls:
             apart = max(float(np.linalg.norm(other.position - ball.position)) for other in known.balls)
         report.time_error = self._report(known, self._worst, apart)
+        if self._accuracy:
+            least = self._floor / self._accuracy
+            pairs = zip(self._kinds, known.furthest, strict=False)
+            self.swung = max(float(known.ways[kind].max()) / max(far, least) for kind, far in pairs)
+
+    def swing_note(self, _positions: FloatArray) -> str:
+        """Return the note on a motion that goes to and fro for so long that its accuracy is not promised, or none."""
+        if self._maze or self.swung <= SWUNG:
+            return ""
+        return (
+            f"time_error.accuracy = {self._wanted.accuracy:g} is not promised any longer: a point has gone {SWUNG:g} times "
+            "as far as it gets from its start, and in a long swing errors add up to more than the estimate. Check with "
+            "a fixed dt, inertia.scheme = 'tr_bdf2', and half of that dt"
+        )
 
     def _follow(self, known: WayState, time: float, h: float) -> None:
         """Let the other balls follow a substep of `h` that ended at `time` [s]."""
@@ -339,6 +358,7 @@ class PathErrorControl(StepControl):
         known.accelerations[:] = self._a_end
         known.sums[:] = self._sums
         known.added += self._added
+        known.ways += self._ways
         known.length = h
         if self._maze:
             known.twist[:] = self._maze.twist
