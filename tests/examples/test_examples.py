@@ -125,6 +125,31 @@ def test_the_controller_lets_the_servos_wave_until_it_is_stopped(domain: int) ->
         graph.close()
 
 
+@pytest.mark.ros
+def test_the_target_is_reached_and_the_example_ends(domain: int) -> None:
+    pytest.importorskip("tripod_msgs")
+    from tests.runtime.sim_graph import Graph
+
+    graph = Graph(domain, set="mesh.level=1").start()
+    space = ["--ros-args", "-r", f"__ns:={graph.node.get_namespace()}"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ik = subprocess.Popen([sys.executable, "-m", "tripod_bringup", "ik", *space], cwd=ROOT, env=environment)
+    words = [sys.executable, str(EXAMPLES / "target.py"), "0.001", "0", "-0.001", *space]
+    example = subprocess.Popen(words, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
+    try:
+        graph.wait(lambda: example.poll() is not None, "the effector at its target")
+        assert example.returncode == 0
+        told, _ = example.communicate(timeout=300)
+        missing = float(re.findall(r"^(\S+) mm from", told, re.M)[-1])
+        assert missing < 0.1
+        assert graph.last_status().authority.source == "target"
+        assert min(graph.joints()[:3]) < -0.05
+    finally:
+        example.kill()
+        ik.kill()
+        graph.close()
+
+
 def test_the_measured_poses_are_off_by_what_their_first_line_says() -> None:
     from tripod_identify.measured import read_csv
     from tripod_identify.model import Told, plainly, predict
