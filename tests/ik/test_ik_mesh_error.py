@@ -150,7 +150,7 @@ def test_a_model_pays_for_it_only_where_its_scene_asks_for_it(asked: bool, tmp_p
         "from tripod_ik.solve_once import solve_once\n"
         "from tripod_sim import load_scene\n"
         f"scene = load_scene({SHARP!r}, {words!r})\n"
-        "own = OwnModel(lambda angles: StaticModel(scene, angles=angles))\n"
+        "own = OwnModel(lambda angles: StaticModel(scene, angles=angles), np.ones(3))\n"
         "import numpy as np\n"
         "while own.state_at(np.full(3, -1.4965)) is None: time.sleep(0.01)\n"
         "own.close()\n"
