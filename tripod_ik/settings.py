@@ -221,7 +221,8 @@ def target_box(values: Mapping[str, Any], scene: "Scene") -> TargetBox:
 
     joints = joints_of(scene)
     far = 1.0 if joints and joints.others else 0.15
-    return TargetBox(values["target_low"] or [-far] * 3, values["target_high"] or [far] * 3)
+    low, high = (values[name] or [end] * 3 for name, end in (("target_low", -far), ("target_high", far)))
+    return TargetBox(low, high)
 
 
 def command_limits(settings: TrackerSettings, servos: int, others: tuple[Joint, ...] = ()) -> CommandLimits:

@@ -129,11 +129,16 @@ class LinearState:
         """
         spans, n = np.array([a.span for a in actuators]), len(actuators)
         turn, scale = np.append(np.ones(6), 1.0 / spans), np.outer(spans, spans)
+        shapes = {"angles": (n,), "efforts": (n,), "W": (6 + n, 6 + n), "J": (6, n), "K": (n, n)}
+        given = zip(shapes, (commands, efforts, W, jacobian, stiffness), strict=True)
+        arrays = {name: np.asarray(values, float) for name, values in given}
+        for name, array in arrays.items():
+            if array.shape != shapes[name]:
+                raise IkError(f"{name} has shape {array.shape}; it must be {shapes[name]}")
         return cls(
-            tuple(a.name for a in actuators), frozen("angles", commands, (n,)) / spans,
-            frozen("efforts", efforts, (n,)) * spans, effector, rotation, equilibrium_offset,
-            frozen("W", W, (6 + n, 6 + n)) * np.outer(turn, turn), actuators=tuple(actuators),
-            held=(frozen("J", jacobian, (6, n)) * spans, frozen("K", stiffness, (n, n)) * scale),
+            tuple(a.name for a in actuators), arrays["angles"] / spans, arrays["efforts"] * spans, effector, rotation,
+            equilibrium_offset, arrays["W"] * np.outer(turn, turn), actuators=tuple(actuators),
+            held=(arrays["J"] * spans, arrays["K"] * scale),
         )  # fmt: skip
 
     @property
