@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tripod_graph import names
 from tripod_graph.command import CommandLimits
 from tripod_graph.joint import Joint
@@ -221,8 +223,9 @@ def target_box(values: Mapping[str, Any], scene: "Scene") -> TargetBox:
 
     joints = joints_of(scene)
     far = 1.0 if joints and joints.others else 0.15
-    low, high = (values[name] or [end] * 3 for name, end in (("target_low", -far), ("target_high", far)))
-    return TargetBox(low, high)
+    return TargetBox(
+        np.array(values["target_low"] or [-far] * 3), np.array(values["target_high"] or [far] * 3)
+    )
 
 
 def command_limits(settings: TrackerSettings, servos: int, others: tuple[Joint, ...] = ()) -> CommandLimits:
