@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_ik.row_limits import SLACK
 from tripod_ik.snap_through import SNAP
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
@@ -42,13 +43,21 @@ NO_PATH = JointPath(
 """No way is known."""
 
 
-def why_closest(limits: Sequence[str], reason: str) -> str:
-    """Return why a closest pose is no closer, in words: what is known of that, else the active `limits`."""
+def why_closest(limits: Sequence[str], reason: str, *, searched: bool = True) -> str:
+    """Return why a closest pose is no closer, in words: what is known of that, else the active `limits`.
+
+    `searched`: whether a planner searches other poses for a closer one.
+    """
     if reason:
         return reason
-    if SNAP in limits:
-        return "beyond it the body would snap to another shape"
-    return f"limited by {', '.join(limits)}" if limits else "no small step comes closer"
+    slack = [name.removesuffix(SLACK) for name in limits if name.endswith(SLACK)]
+    others = [name for name in limits if not name.endswith(SLACK) and name != SNAP]
+    reasons = [
+        *(["beyond it the body would snap to another shape"] if SNAP in limits else []),
+        *([f"limited by {', '.join(others)}"] if others and SNAP not in limits else []),
+        *([f"{', '.join(slack)} would have to push, and a cable only pulls"] if slack else []),
+    ] or ["no small step comes closer"]
+    return "; ".join([*reasons, *([] if searched else ["other poses are searched for servos alone"])])
 
 
 class PathSource(Protocol):

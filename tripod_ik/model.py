@@ -92,11 +92,9 @@ def linear_state(c: Compliance, joints: Joints | None = None) -> LinearState:
     `joints`: those of its scene, where some of them may be no servos. No stability margin is known of these.
     """
     if joints and joints.others:
-        spans, turn = joints.spans, np.append(np.ones(6), 1.0 / joints.spans)
-        return LinearState(
-            tuple(a.name for a in joints.actuators), c.angles / spans, c.efforts * spans, c.position, c.quaternion,
-            c.equilibrium_offset, c.w * np.outer(turn, turn), actuators=joints.actuators,
-            held=(c.jacobian * spans, c.stiffness * np.outer(spans, spans)),
+        return LinearState.of_actuators(
+            joints.actuators, commands=c.angles, efforts=c.efforts, effector=c.position, rotation=c.quaternion,
+            equilibrium_offset=c.equilibrium_offset, W=c.w, jacobian=c.jacobian, stiffness=c.stiffness,
         )  # fmt: skip
     soft = c.stability_margin
     return LinearState(

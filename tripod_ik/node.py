@@ -2,7 +2,7 @@
 out.
 
 In the mode IK each compliance gives one command, so the simulator sets the rate. Without a simulator in the graph the
-node asks its own quasi-static model, at the angles that the driver tells. Where there is nothing to
+node asks its own quasi-static model, at the commands that the driver tells. Where there is nothing to
 act on (no fresh compliance, the program not solved) nothing is published: the receivers then hold, and park
 after a while, instead of being kept awake by a command that nobody stands behind.
 """
@@ -26,9 +26,11 @@ from tripod_msgs.msg import Compliance, IkStatus, RobotStatus
 
 from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
+from tripod_graph.command import CommandLimits
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
+from tripod_graph.joint import Joint
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
@@ -44,7 +46,9 @@ from tripod_ik.joint_path import why_closest
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.planner_thread import SLID, PlannerThread
+from tripod_ik.problem import taut
 from tripod_ik.rotation import unit_quaternion
+from tripod_ik.row_limits import effort_limits
 from tripod_ik.settings import (
     PARAMETERS,
     command_limits,
@@ -52,14 +56,16 @@ from tripod_ik.settings import (
     load_observer,
     model_error,
     scene_of,
+    target_box,
     tracker_settings,
 )
-from tripod_ik.solvable import not_servos, nothing_to_solve
+from tripod_ik.solvable import nothing_to_solve
 from tripod_ik.state import LinearState
 from tripod_ik.state_sync import StateSync
-from tripod_ik.target import TargetBox
 from tripod_ik.tracker import LONGEST_DT, SMOOTH, Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
+from tripod_sim.tables.joints import Actuator
+from tripod_sim.tables.short_forms import joints_of
 
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
@@ -70,26 +76,29 @@ THROTTLE = 2.0  # [s]: shortest time between two log lines about the same kind o
 
 
 class IkNode(Node):
-    """Commands the servos while the mode is IK; the rules are `Tracker` and `TargetBox`."""
+    """Commands the joints while the mode is IK; the rules are `Tracker` and `TargetBox`."""
 
     def __init__(self) -> None:
         super().__init__("ik")
         values = declare(self, PARAMETERS, self._adopt)
         self._scene, self._slide = scene_of(values), values["slide"]
-        self._targets = TargetBox(values["target_low"], values["target_high"])
+        self._targets = target_box(values, self._scene)
         self._planner_thread = PlannerThread(self._build_planner)
-        self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
         self._tracker = Tracker(tracker_settings(values), model_error(values), self._planner_thread, SMOOTH)
-        self._tracker.resize(self._servos)
+        joints = joints_of(self._scene)  # until the driver or a compliance tells of others
+        self._servos = len(joints.arms) if joints else len(names.SERVOS)
+        self._actuators = joints.actuators if joints and joints.others else ()
+        self._range_time: float = values["range_time"]
+        self._tracker.resize(*self._sizes())
         self._observer, self._expected = load_observer(values), expected(values, self._scene)
-        self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
+        self._range = RangeWatch(self._own_limits())
         self._planner_thread.slide = self._slide
         self._roadmap: Any = None
-        self._own = OwnModel(self._build_model)
+        self._own = OwnModel(self._build_model, joints.spans if joints else np.ones(len(names.SERVOS)))
         self._own_after: float = values["own_model_after"]
         self._own_in_use = False
         self._joining = StateSync()
-        self._angles: FloatArray | None = None  # of the robot, as the driver tells
+        self._angles: FloatArray | None = None  # commands of the robot in SI, as the driver tells
         self._angles_at = self._simulator_at = float("-inf")
         self._feedback_at = float("-inf")
         self._stale_after: float = values["stale_after"]
@@ -104,6 +113,11 @@ class IkNode(Node):
         self._rejected = {"targets": 0, "compliances": 0, "modes": 0, "joint states": 0, "measurements": 0}
         self._last_target_rejection = self._last_rejection = ""
 
+        self._connect(values)
+        self._keep_range()
+        self.get_logger().info(self._work())
+
+    def _connect(self, values: Mapping[str, Any]) -> None:
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._statuses = self.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
         self._goal = self.create_publisher(String, names.IK_GOAL, LATCHED)
@@ -127,11 +141,10 @@ class IkNode(Node):
         self.create_timer(WATCH, self._on_timer, clock=steady)
         self._own_timer = self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
-        self.get_logger().info(self._work())
 
     def _work(self) -> str:
         """Return what it does, for who has just started it."""
-        reason = nothing_to_solve(self._scene) or not_servos(self._scene, "the node of inverse kinematics")
+        reason = nothing_to_solve(self._scene)
         alone = f"not at all: {reason}" if reason else f"by its own model of scene {self._scene.name}"
         return (
             f"{names.JOINT_TRAJECTORY} follows the {self._tracker.settings.goal} of {names.TARGET_POSE} in mode IK, "
@@ -141,15 +154,14 @@ class IkNode(Node):
     def _build_model(self, angles: FloatArray) -> Any:
         from tripod_ik.model import StaticModel  # noqa: PLC0415 - beside a simulator it is not needed
 
-        if reason := not_servos(self._scene, "the node of inverse kinematics"):
-            raise IkError(reason)
         return StaticModel(self._scene, self._slide, angles)
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates, times, tolerance and gains that have changed."""
         settings = tracker_settings(values)
         self._tracker.adopt(settings)
-        self._range.adopt(command_limits(settings, self._servos))
+        self._range_time = values["range_time"]
+        self._range.adopt(self._own_limits())
         self._keep_range()
         if correction := self._tracker.correction:
             correction.time, correction.delay = values["feedback_time"], values["feedback_delay"]
@@ -220,37 +232,65 @@ class IkNode(Node):
         followed = None if self._tracker.settings.goal is Goal.POSITION else normal
         self._tracker.aim(position, followed, self._motion.at(time.monotonic()))
 
-    def _fit(self, servos: int) -> None:
-        """Be for a robot with so many servos."""
-        if servos != self._servos:
-            self._servos = servos
-            self._tracker.resize(servos)
-            self._range.adopt(command_limits(self._tracker.settings, servos))
+    def _fit(self, servos: int, actuators: tuple[Actuator, ...] = ()) -> None:
+        """Resize to `servos` servos, or to the joints `actuators` if some of them are no servos."""
+        if (servos, actuators) != (self._servos, self._actuators):
+            self._servos, self._actuators = servos, actuators
+            self._range.adopt(self._own_limits())
+            self._tracker.resize(*self._sizes())
             self._keep_range()
 
+    def _sizes(self) -> tuple[int, int]:
+        """Return the number of joints, and of cables among them whose length is commanded."""
+        return len(self._actuators) or self._servos, sum(a.unit == "m" for a in self._actuators)
+
+    def _own_limits(self) -> CommandLimits:
+        """Return the limits of this node."""
+        others = tuple(
+            Joint(a.name, a.unit, a.low, a.high, (a.high - a.low) / self._range_time)
+            for a in self._actuators[self._servos :]
+        )
+        return command_limits(self._tracker.settings, self._servos, others)
+
+    @property
+    def _joints(self) -> tuple[Joint, ...]:
+        """The joints that are commanded, as they are limited now."""
+        return self._range.limits.table[:-1]
+
+    @property
+    def _spans(self) -> FloatArray:
+        """Commands in SI over those of the tracker, see `state`, shape (n,)."""
+        return np.array([a.span for a in self._actuators] or [1.0] * self._servos)
+
     def _on_robot_status(self, message: Any) -> None:
-        if self._received == float("-inf") and len(message.joint_names):
-            self._fit(len(message.joint_names))
-        if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
+        servos = names.count_servos(message.joint_names)
+        if self._received == float("-inf") and servos and len(message.joint_names) == servos:
+            self._fit(servos)
+        now = time.monotonic()
+        if self._range.hear(message.lower, message.upper, message.speed, now, message.joint_names):
             self._keep_range()
 
     def _keep_range(self) -> None:
-        limits = self._range.limits
-        self._tracker.narrow(limits.lower[:-1], limits.upper[:-1], float(limits.speed[:-1].min()))
+        limits, spans = self._range.limits, self._spans
+        low, high, speed = (side[:-1] / spans for side in (limits.lower, limits.upper, limits.speed))
+        efforts = effort_limits(self._actuators, self._tracker.settings.torque_max)
+        self._tracker.narrow(low, high, float(speed.min()), efforts)
         self._planner_thread.forget()
         if self._range.notice:
             self.get_logger().warning(self._range.notice)
 
     def _on_joints(self, message: Any) -> None:
         found = dict(zip(message.name, message.position, strict=False))
-        servos = names.servo_names(max(names.count_servos(found), 1))
-        angles = np.array([found.get(name, np.nan) for name in servos])
-        if np.isfinite(angles).all():
-            self._angles, self._angles_at = angles, time.monotonic()
+        joints = [(name, False) for name in names.servo_names(max(names.count_servos(found), 1))]
+        if self._actuators:
+            joints = [(joint.name, joint.is_effort) for joint in self._joints]
+        efforts = dict(zip(message.name, message.effort, strict=False))
+        commands = np.array([(efforts if e else found).get(name, np.nan) for name, e in joints])
+        if np.isfinite(commands).all():
+            self._angles, self._angles_at = commands, time.monotonic()
         else:
-            self._reject(
-                "joint states", f"{names.ROBOT_JOINT_STATES} lacks an angle of one of {', '.join(servos)}"
-            )
+            told = ", ".join(name for name, _ in joints)
+            self._reject("joint states", f"{names.ROBOT_JOINT_STATES} lacks the command of one of {told}")
 
     def _on_measured_pose(self, message: Any) -> None:
         p, q = message.pose.position, message.pose.orientation
@@ -284,7 +324,7 @@ class IkNode(Node):
             self._feedback_at = time.monotonic()
 
     def _robot_angles(self, now: float) -> FloatArray | None:
-        """Return the angles that the driver tells [rad], None where it has not told any lately."""
+        """Return the commands that the driver tells, in SI, None where it has not told any lately."""
         return self._angles if now - self._angles_at <= self._stale_after else None
 
     def _on_own_timer(self) -> None:
@@ -299,11 +339,14 @@ class IkNode(Node):
             return
         try:
             state = self._own.state_at(angles)
+            self._check_goal(state)
         except IkError as error:
             self._reject("compliances", str(error))
             return
         if state is not None:
-            self._planner_thread.stand(self._slide, time.monotonic())
+            self._fit(names.count_servos(state.joint_names), state.actuators)
+            if not state.held:
+                self._planner_thread.stand(self._slide, time.monotonic())
             told = self._own.mesh_error
             self._on_state(state, time.monotonic(), told.distance if told else math.nan)
 
@@ -314,23 +357,38 @@ class IkNode(Node):
             return
         try:
             state = linear_state(message)
+            self._check_goal(state)
         except IkError as error:
             self._reject("compliances", str(error))
             return
-        self._planner_thread.stand(message.slide, now)
-        if not self._joins(state.angles, now):
+        self._fit(names.count_servos(state.joint_names), state.actuators)
+        if not state.held:  # the planner knows servos alone
+            self._planner_thread.stand(message.slide, now)
+        if not self._joins(state, now):
             self._on_state(state, now, message.effector_mesh_error)
 
-    def _joins(self, simulated: FloatArray, now: float) -> bool:
-        """Return whether the simulated servos are still on their way to the robot's, and send them there."""
+    def _check_goal(self, state: LinearState | None) -> None:
+        """Raise IkError where the goal asks for an orientation that the effector does not have."""
+        goal = self._tracker.settings.goal
+        if state and goal is not Goal.POSITION and not state.turns:
+            raise IkError(
+                f"goal is {str(goal)!r}, but the effector is a point or a set, which has no orientation; start with "
+                "--set goal=position"
+            )
+
+    def _joins(self, state: LinearState, now: float) -> bool:
+        """Return whether the simulated joints are still on their way to the robot's, and send them there."""
         if now - self._received > self._stale_after:
             self._joining.begin()
-        place = self._joining.place(simulated, self._robot_angles(now), now)
+        robot = self._robot_angles(now)
+        if robot is not None and len(robot) == len(state.angles):
+            robot = taut(state, robot / self._spans)
+        place = self._joining.place(state.angles, robot, now)
         if place is None:
             return False
         self._received = now
         self._tracker.start()
-        self._commands.publish(trajectory(place, self._source))
+        self._commands.publish(trajectory(place * self._spans, self._joints, self._source))
         self._rest_again(Activity.STALE, JOINING, now)
         return True
 
@@ -340,7 +398,6 @@ class IkNode(Node):
             self._tracker.start()
         over = min(now - self._received, LONGEST_DT)
         self._received = now
-        self._fit(len(state.angles))
         if self._expected:
             self._expected.look(state, self._planner_thread.slide, now)
         if self._observer:
@@ -351,7 +408,8 @@ class IkNode(Node):
         duration = time.perf_counter() - begin
         self._solves += 1
         if step.result.ok:
-            self._commands.publish(trajectory(step.result.command, self._source, over))
+            command = step.result.command * self._spans
+            self._commands.publish(trajectory(command, self._joints, self._source, over))
         else:
             self._failures += 1
             self.get_logger().error(
@@ -410,7 +468,7 @@ class IkNode(Node):
         status.residual = result.residual
         status.tilt_error, status.tilt_residual = step.tilt_error, step.tilt_residual
         status.effector_mesh_error = mesh_error if mesh_error >= 0 else -1.0
-        status.command = array("d", result.command if result.ok else ())
+        status.command = array("d", result.command * self._spans if result.ok else ())
         status.active_limits = list(result.active_limits)
         status.iterations = result.iterations
         status.solver_status = result.status
@@ -423,10 +481,11 @@ class IkNode(Node):
             message = "no target yet: the effector stays where it is"
         elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
             message = "no measurement comes in: the correction keeps its last value"
-        elif step.waits:
+        elif step.activity is Activity.SEARCHING:
             message = self._planner_thread.notice
         elif step.activity is Activity.CLOSEST:
-            message = f"closest pose: {why_closest(result.active_limits, self._planner_thread.notice)}"
+            why = why_closest(result.active_limits, step.reason, searched=not state.held)
+            message = f"closest pose: {why}"
         self._send(step.activity, message)
 
     def _rest_again(self, activity: Activity, message: str, now: float) -> None:
@@ -453,6 +512,7 @@ class IkNode(Node):
         status.authority = authority_message(self._authority)
         limits = self._range.limits
         status.lower, status.upper = array("d", limits.lower[:-1]), array("d", limits.upper[:-1])
+        status.joint_names, status.units = [j.name for j in self._joints], [j.unit for j in self._joints]
         self._statuses.publish(status)
         self._activity, self._message, self._reported = activity, message, time.monotonic()
 

@@ -26,9 +26,14 @@ class OwnModel:
         mesh_error: What tells the error of its mesh; None where its scene does not ask for that.
     """
 
-    def __init__(self, build: Callable[[FloatArray], "StaticModel"]) -> None:
-        """`build`: makes the model at given angles [rad], shape (s,); called in another thread."""
-        self._build = build
+    def __init__(self, build: Callable[[FloatArray], "StaticModel"], spans: FloatArray) -> None:
+        """Build nothing yet.
+
+        Args:
+            build: Makes the model at given angles [rad, spans], shape (s,); called in another thread.
+            spans: Of its joints, see `StaticModel`.
+        """
+        self._build, self._spans = build, spans
         self._model: StaticModel | None = None
         self._thread: threading.Thread | None = None
         self.failure = ""
@@ -39,14 +44,20 @@ class OwnModel:
         """Whether the model is on its way to where the robot is."""
         return self._thread is not None and self._thread.is_alive()
 
-    def state_at(self, angles: FloatArray) -> LinearState | None:
-        """Return the state at `angles` [rad], shape (s,); None while the model is on its way, or where it fails.
+    def state_at(self, commands: FloatArray) -> LinearState | None:
+        """Return the state at `commands` [rad, m, m³, N, Pa], shape (s,); None while the model is on its way or fails.
 
         Raises:
-            IkError: there is no equilibrium at these angles; the model stays where it was.
+            IkError: there is no equilibrium at these commands; the model stays where it was.
         """
+        if commands.shape != self._spans.shape:
+            self.failure = (
+                f"the robot reports {len(commands)} joints, and the scene of this node has {len(self._spans)}; start "
+                "it with the scene of the robot"
+            )
         if self.busy or self.failure:
             return None
+        angles = commands / self._spans
         if self._model is None or abs(angles - self._model.angles).max() > FAR:
             self._thread = threading.Thread(target=self._go, args=(angles.copy(),), daemon=True)
             self._thread.start()

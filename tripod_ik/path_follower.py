@@ -61,6 +61,7 @@ class PathFollower:
     Attributes:
         arrived: Whether it is where it was led to.
         limits: What keeps the effector from coming closer there.
+        reason: Why the answer leads no closer, in words; empty without one.
     """
 
     def __init__(self, ask: PathSource | None) -> None:
@@ -79,6 +80,7 @@ class PathFollower:
         self._moved: tuple[float, FloatArray] | None = None
         self.arrived = self._met = self._calming = False
         self.limits: tuple[str, ...] = ()
+        self.reason = ""
         self._margins: list[float] = []
         self._leg = (np.zeros(0), 0.0)
 
@@ -209,7 +211,7 @@ class PathFollower:
         if strayed or moved > max(MOVED, worth):
             self.reset()
             return
-        self._answered = True
+        self._answered, self.reason = True, way.reason
         if worth > -WORSE - moved and len(way.stops):
             self._stops, self.limits, self._met = list(way.stops), way.limits, way.residual < MET
             self._worth, self._moved = worth, None

@@ -154,7 +154,7 @@ def build_ik(
     n = len(state.joint_names)
     if not tasks:
         raise IkError("no task is given, so there is nothing to solve")
-    before = _taut(state, state.angles if previous is None else frozen("previous", previous, (n,)))
+    before = taut(state, state.angles if previous is None else frozen("previous", previous, (n,)))
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     if not 0 <= ahead < np.inf:
@@ -213,7 +213,7 @@ def build_ik(
     )  # fmt: skip
 
 
-def _taut(state: LinearState, before: FloatArray) -> FloatArray:
+def taut(state: LinearState, before: FloatArray) -> FloatArray:
     """Return commands with slack cables just taut, where the state has them: the pose is the same."""
     if not state.held:
         return before

@@ -12,7 +12,9 @@ and the other hard limits let it, whatever the task says. So no limit, hard or s
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,8 +23,14 @@ from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 
+if TYPE_CHECKING:
+    from tripod_sim.tables.joints import Actuator
+
 WEIGHT = 1e3
 """Weight of a limit against the task: passed by a thousandth of what is missing."""
+
+SLACK = " slack"
+"""End of the name of an active limit: the cable before it hangs slack."""
 
 POSITION_CURVATURE, TORQUE_CURVATURE = 0.1, 1.1
 """How fast the Jacobians of effector and torques turn at most, where the strips are stretched [m/rad², N m/rad²]."""
@@ -152,13 +160,21 @@ class TensionLimit(RowLimit):
     def rows(self, state: LinearState) -> LimitRows:
         """Return -tau ≤ K δ [N m]."""
         rows = list(self.cables)
-        names = tuple(f"{state.joint_names[i]} slack" for i in rows)
+        names = tuple(f"{state.joint_names[i]}{SLACK}" for i in rows)
         return LimitRows(state.stiffness[rows], -state.efforts[rows], np.full(len(rows), 1e9), names)
+
+
+def effort_limits(actuators: Sequence["Actuator"], torque_max: float) -> FloatArray | None:
+    """Return the largest effort of each actuator per span [N m], infinite for none; None for servos alone."""
+    if all(a.unit == "rad" for a in actuators):
+        return None
+    limits = [torque_max if a.unit == "rad" else a.effort_max or np.inf for a in actuators]
+    return np.array(limits) * [a.span for a in actuators]
 
 
 def tension_limits(state: LinearState) -> tuple[TensionLimit, ...]:
     """Return the limit that the cables of a robot need, if it has any that are commanded by length."""
-    cables = tuple(i for i, a in enumerate(state.actuators) if a.unit == "m" and not a.is_effort)
+    cables = tuple(i for i, a in enumerate(state.actuators) if a.unit == "m")
     return (TensionLimit(cables),) if cables else ()
 
 

@@ -4,8 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tripod_graph import names
 from tripod_graph.command import CommandLimits
+from tripod_graph.joint import Joint
+from tripod_graph.limits import RANGE_TIME_PARAMETER
 from tripod_graph.parameters import Parameter
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
@@ -31,6 +35,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         high=20.0,
         dynamic=True,
     ),
+    RANGE_TIME_PARAMETER,
     Parameter(
         "effector_speed",
         _TRACKER.effector_speed,
@@ -80,8 +85,18 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=1e-7,
         dynamic=True,
     ),
-    Parameter("target_low", [-0.15, -0.15, -0.15], "smallest x, y, z of a target that is accepted", "m"),
-    Parameter("target_high", [0.15, 0.15, 0.15], "largest x, y, z of a target that is accepted", "m"),
+    Parameter(
+        "target_low",
+        [],
+        "smallest x, y, z of a target that is accepted; unset: -0.15, of robots with cables, chambers or forces -1",
+        "m",
+    ),
+    Parameter(
+        "target_high",
+        [],
+        "largest x, y, z of a target that is accepted; unset: 0.15, of robots with cables, chambers or forces 1",
+        "m",
+    ),
     Parameter(
         "goal",
         "position",
@@ -168,9 +183,10 @@ PARAMETERS: tuple[Parameter, ...] = (
 def check(values: Mapping[str, Any]) -> None:
     """Raise ValueError where the values do not fit together, or name no scene or file."""
     command_limits(tracker_settings(values), servos=1)
-    TargetBox(values["target_low"], values["target_high"])
+    scene = scene_of(values)
+    target_box(values, scene)
     load_observer(values)
-    expected(values, scene_of(values))
+    expected(values, scene)
 
 
 def scene_of(values: Mapping[str, Any]) -> "Scene":
@@ -201,8 +217,19 @@ def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:
     )
 
 
-def command_limits(settings: TrackerSettings, servos: int) -> CommandLimits:
-    """Return the tracker's limits as those of commands to so many servos; it never parks."""
+def target_box(values: Mapping[str, Any], scene: "Scene") -> TargetBox:
+    """Return which targets are accepted; raise IkError where the parameters name no box."""
+    from tripod_sim.tables.short_forms import joints_of  # noqa: PLC0415 - tables of parameters need none
+
+    joints = joints_of(scene)
+    far = 1.0 if joints and joints.others else 0.15
+    return TargetBox(
+        np.array(values["target_low"] or [-far] * 3), np.array(values["target_high"] or [far] * 3)
+    )
+
+
+def command_limits(settings: TrackerSettings, servos: int, others: tuple[Joint, ...] = ()) -> CommandLimits:
+    """Return the tracker's limits as those of commands to so many servos and to `others`; it never parks."""
     still = min(max(0.0, settings.angle_min), settings.angle_max)
     return CommandLimits(
         angle_min=settings.angle_min,
@@ -210,6 +237,7 @@ def command_limits(settings: TrackerSettings, servos: int) -> CommandLimits:
         angle_speed=settings.angle_speed,
         park=(*(still,) * servos, 0.0),
         count=servos,
+        others=others,
     )
 
 
@@ -238,7 +266,10 @@ def expected(values: Mapping[str, Any], scene: "Scene") -> "ExpectedError | None
     if not values["posterior"]:
         return None
     from tripod_ik.prediction_interval import expected_error  # noqa: PLC0415 - an effect that is absent
+    from tripod_ik.solvable import not_servos  # noqa: PLC0415
 
+    if reason := not_servos(scene, "parameter 'posterior'"):
+        raise IkError(reason)
     return expected_error(Path(values["posterior"]), scene)
 
 

@@ -24,6 +24,6 @@ def not_servos(scene: Scene, what: str) -> str:
     if not (joints and joints.others):
         return ""
     return (
-        f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)} beside servos; {what} commands servos "
-        "only so far: solve with `tripod ik SCENE --target`"
+        f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)} beside servos; {what} knows servos "
+        "only so far; `tripod ik SCENE --target` solves for all"
     )

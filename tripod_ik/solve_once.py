@@ -21,6 +21,7 @@ from tripod_ik.model import StaticModel
 from tripod_ik.planner import Planner
 from tripod_ik.roadmap import Roadmap
 from tripod_ik.rotation import normal_of, roll_pitch
+from tripod_ik.row_limits import effort_limits
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tasks import Task, total_distance
@@ -29,7 +30,6 @@ from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.tables.fields import other_unit
-from tripod_sim.tables.joints import Joints
 from tripod_sim.tables.short_forms import effector_of, joints_of
 
 FAR = 2.0
@@ -151,14 +151,6 @@ def solve_once(
     }
 
 
-def effort_limits(joints: Joints, torque_max: float) -> FloatArray | None:
-    """Return the largest effort of each actuator per span [N m], infinite for none; None for servos alone."""
-    if not joints.others:
-        return None
-    limits = [torque_max if a.unit == "rad" else a.effort_max or np.inf for a in joints.actuators]
-    return np.array(limits) * joints.spans
-
-
 def missed(tasks: Sequence[Task], state: LinearState) -> float:
     """Return what tasks miss in a state [m]."""
     return total_distance(tasks, [task.rows(state).error for task in tasks])
@@ -180,22 +172,17 @@ class _Motion:
         joints = joints_of(model.scene)
         assert joints is not None
         self.model, self._progress, self._settings = model, progress, settings
-        self._tracker = Tracker(settings, guide=None if joints.others else self._way)
+        self._tracker = Tracker(settings, guide=self._way)
         self._tracker.resize(joints.count)
         self._tracker.narrow(
             joints.low / joints.spans, joints.high / joints.spans, settings.angle_speed,
-            effort_limits(joints, settings.torque_max),
+            effort_limits(joints.actuators, settings.torque_max),
         )  # fmt: skip
         self._others = bool(joints.others)
         self._finder: Planner | None = None
         self._least = np.inf
         self.reason = ""
         self.path: list[FloatArray] = []
-
-    @property
-    def _no_search(self) -> str:
-        """Return why other poses are not searched for a better one; empty where they are."""
-        return "; other poses are searched for servos alone" if self._others else ""
 
     @property
     def linearisations(self) -> int:
@@ -227,7 +214,7 @@ class _Motion:
             missing = missed(tasks, state)
             self._tell(missing)
             met = missing <= self._settings.tolerance
-            ended = (met or step.activity is Activity.CLOSEST) and not step.waits
+            ended = step.activity is Activity.CLOSEST or (met and step.activity is not Activity.SEARCHING)
             rests = rests + 1 if ended and missing > least - GAINED else 0
             least = min(least, missing)
             if rests == RESTS:
@@ -236,7 +223,7 @@ class _Motion:
         else:
             self.reason = f"the robot did not come to rest within {STEPS} commands"
         if outcome is Outcome.CLOSEST:
-            self.reason = why_closest(step.result.active_limits, self.reason) + self._no_search
+            self.reason = why_closest(step.result.active_limits, self.reason, searched=not self._others)
         return outcome, step
 
     def _moved(self, command: FloatArray) -> LinearState:

@@ -5,6 +5,7 @@ in SI over `Actuator.span`, which is the range over 1.5. Wherever inverse kinema
 of an actuator that is no servo; its effort is in N m, too: work per span.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import hypot
@@ -99,6 +100,56 @@ class LinearState:
         asymmetry, largest = float(abs(self.W - self.W.T).max()), float(abs(self.W).max())
         if not asymmetry <= ASYMMETRY * largest:
             raise IkError(f"W differs from its transpose by {asymmetry:g}, its largest entry is {largest:g}")
+
+    @classmethod
+    def of_actuators(
+        cls,
+        actuators: Sequence["Actuator"],
+        *,
+        commands: FloatArray,
+        efforts: FloatArray,
+        effector: FloatArray,
+        rotation: FloatArray,
+        equilibrium_offset: FloatArray,
+        W: FloatArray,
+        jacobian: FloatArray,
+        stiffness: FloatArray,
+    ) -> "LinearState":
+        """Return the state of joints some of which are no servos, from values in SI; of these no margin is known.
+
+        Args:
+            actuators: The n joints.
+            commands, efforts: q and dV/dq, shape (n,).
+            effector, rotation, equilibrium_offset: As the attributes.
+            W: Shape (6 + n, 6 + n).
+            jacobian, stiffness: J, shape (6, n), and K, shape (n, n).
+
+        Raises:
+            IkError: an array has another shape, or is not finite.
+        """
+        spans, n = np.array([a.span for a in actuators]), len(actuators)
+        turn, scale = np.append(np.ones(6), 1.0 / spans), np.outer(spans, spans)
+        shapes = {"angles": (n,), "efforts": (n,), "W": (6 + n, 6 + n), "J": (6, n), "K": (n, n)}
+        given = zip(shapes, (commands, efforts, W, jacobian, stiffness), strict=True)
+        arrays = {name: np.asarray(values, float) for name, values in given}
+        for name, array in arrays.items():
+            if array.shape != shapes[name]:
+                raise IkError(f"{name} has shape {array.shape}; it must be {shapes[name]}")
+        return cls(
+            tuple(a.name for a in actuators), arrays["angles"] / spans, arrays["efforts"] * spans, effector, rotation,
+            equilibrium_offset, arrays["W"] * np.outer(turn, turn), actuators=tuple(actuators),
+            held=(arrays["J"] * spans, arrays["K"] * scale),
+        )  # fmt: skip
+
+    @property
+    def spans(self) -> FloatArray:
+        """Commands in SI over those here, shape (n,)."""
+        return np.array([a.span for a in self.actuators] or [1.0] * len(self.joint_names))
+
+    @property
+    def turns(self) -> bool:
+        """Whether the effector has an orientation; a point and the mean of a set have none."""
+        return not self.held or bool(self.held[0][3:].any())
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -78,6 +78,7 @@ class Activity(IntEnum):
     CLOSEST = 2
     STALE = 3
     SOLVER_FAILED = 4
+    SEARCHING = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +86,14 @@ class TrackerStep:
     """One step of the tracker.
 
     Attributes:
-        activity: TRACKING, CLOSEST or SOLVER_FAILED; send `result.command` unless it is the last.
+        activity: TRACKING, CLOSEST, SEARCHING or SOLVER_FAILED; send `result.command` unless it is the last. SEARCHING:
+            no step comes closer, and the robot waits where it is until the guide has answered.
+        reason: Why the guide knows no closer pose, in words; empty where nothing is known.
         target: What is being followed [m], shape (3,).
         error: Distance from the target to the effector as it is, not at rest [m]; tilts count by the lever.
         tilt_error: The tilt in it [rad]; 0 if only the position is followed.
         tilt_residual: What is left of the tilt after this command, at rest [rad].
         result: What inverse kinematics gave.
-        waits: Whether the robot stays where it is until the guide has answered.
     """
 
     activity: Activity
@@ -100,7 +102,7 @@ class TrackerStep:
     tilt_error: float
     tilt_residual: float
     result: IkResult
-    waits: bool
+    reason: str
 
 
 class Tracker:
@@ -170,13 +172,13 @@ class Tracker:
         self, low: FloatArray, high: FloatArray, speed: float, torque_max: FloatArray | None = None
     ) -> None:
         """Keep to angles from `low` to `high` [rad], to `speed` [rad/s] and, where given, to torques up to `torque_max`
-        [N m], infinite for none, from now on; arrays of shape (n,).
+        [N m], infinite for none, else up to that of the settings, from now on; arrays of shape (n,).
         """
         self._limits = AngleLimit(low, high), SpeedLimit(speed)
-        if torque_max is not None:
-            self._torque_max, self._limited = torque_max, bool(np.isfinite(torque_max).any())
-            if self._servos:
-                self.resize(self._servos, self._cables)
+        self._torque_max = self.settings.torque_max if torque_max is None else torque_max
+        limited, self._limited = self._limited, bool(np.isfinite(self._torque_max).any())
+        if limited != self._limited and self._servos:
+            self.resize(self._servos, self._cables)
 
     def adopt(self, settings: TrackerSettings) -> None:
         """Take other weights, tolerance, lever, lead, step and effector_speed from now on; the rest is as before."""
@@ -291,15 +293,17 @@ class Tracker:
         activity = self._activity(result, beyond=beyond)
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
         closest = activity is Activity.CLOSEST
-        waits = led is not None and self._guidance.waits
-        self._guidance.look(
-            state, wanted_tasks, aimed, result.residual, now, closest=closest, before_snap=before_snap,
-            trail=tuple(self._trail),
-        )  # fmt: skip
-        if led is not None and not self._guidance.arrived and result.ok:
+        if not state.held:  # the planner knows servos alone
+            self._guidance.look(
+                state, wanted_tasks, aimed, result.residual, now, closest=closest, before_snap=before_snap,
+                trail=tuple(self._trail),
+            )  # fmt: skip
+        if result.ok and self._guidance.waits and (closest or led is not None):
+            activity = Activity.SEARCHING
+        elif result.ok and led is not None and not self._guidance.arrived:
             activity = Activity.TRACKING
         left = result.residuals.get(TILT, 0.0)
-        return TrackerStep(activity, wanted[:3], error, tilt, left, result, waits)
+        return TrackerStep(activity, wanted[:3], error, tilt, left, result, self._guidance.reason)
 
     def _fit(self, state: LinearState) -> tuple[RowLimit, ...]:
         """Resize to the joints of `state`, see how the Jacobian turned, and return the limits of tensions."""

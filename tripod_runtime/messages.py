@@ -1,6 +1,7 @@
 """Messages of the simulator from its snapshots."""
 
 import array
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped
@@ -16,6 +17,7 @@ from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_runtime.input_log import HEAD
 from tripod_runtime.notices import known
 from tripod_runtime.realtime import Snapshot
+from tripod_sim.compliance import Compliance as Linearised
 from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.simulation import Pose, Skin
 from tripod_sim.tables.joints import Joints
@@ -110,8 +112,19 @@ def compliance_message(snapshot: Snapshot, joints: Joints | None = None) -> Comp
         efforts=flat(c.efforts), effector=pose_message(Pose(c.position, c.quaternion)),
         equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide,
         stability_margin=soft.value if soft else 1.0, stability_margin_slope=flat(soft.slope) if soft else [],
-        effector_mesh_error=known(mesh_error(snapshot.report)),
+        effector_mesh_error=known(mesh_error(snapshot.report)), **_actuator_fields(c, joints),
     )  # fmt: skip
+
+
+def _actuator_fields(c: Linearised, joints: Joints | None) -> dict[str, Any]:
+    """Return the fields of a compliance that servos alone leave empty."""
+    if not (joints and joints.others):
+        return {}
+    return {
+        "units": [a.unit for a in joints.actuators], "lower": flat(joints.low), "upper": flat(joints.high),
+        "effort_max": [np.inf if a.effort_max is None else a.effort_max for a in joints.actuators],
+        "jacobian": flat(c.jacobian), "stiffness": flat(c.stiffness),
+    }  # fmt: skip
 
 
 def commands_message(rows: FloatArray, joints: Joints | None = None) -> Float64MultiArray:

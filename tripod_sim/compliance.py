@@ -16,7 +16,7 @@ its rows are zero. What holds the body besides joins in as `Holding`, by the sam
 has to do with: nothing is factored again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +39,9 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 SINGULAR = 1e-12
 """Eigenvalues of S, commands over their spans, that count as zero, over the largest."""
 
+PIVOTS = 8
+"""Exchanges of slack and taut for each cable, at most: about one is the rule."""
+
 ROUNDS = 3
 """Corrections of the state of rest for one compliance, at most, before the last: one is the rule."""
 
@@ -55,7 +58,7 @@ class Compliance:
         angles: Commands of the actuators [rad, m, N, Pa], shape (s,); of a slack cable that at which it is just taut.
         slide: [m].
         efforts: tau, static: the torque that each servo exerts on the body [N m], and see `forces.actuator`, shape
-            (s,).
+            (s,); with cables that can go slack, those at rest.
         position: Of the effector [m], shape (3,).
         quaternion: Of the effector (x, y, z, w), shape (4,); that of no rotation where it is observed.
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
@@ -126,14 +129,18 @@ def _compliance(
             answer = held_response(free, holding, where)
         else:
             answers = _answers(system, none, observed)
+            fall = _fall(system, answers)
             for _ in range(ROUNDS if rest else 0):
-                if not (rest and rest.misses(-answers[:, -1])):
+                if not (rest and rest.misses(fall.unknowns)):
                     break
-                rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
+                rest.correct(fall.turning, fall.unknowns, stable=system.linear.is_positive())
                 at = _factored(system, state, rest)
                 answers = _answers(system, none, observed)
-            efforts, gaps = system.efforts.copy(), system.gaps
+                fall = _fall(system, answers)
+            efforts, gaps = fall.efforts, system.gaps + fall.slack
             answer = _response(system, none, answers, observed)
+            if fall.slack.any():
+                answer = replace(answer, fall=answer.fall + answer.jacobian @ fall.slack)
             soft = softest.stability_margin(system, at, answers) if softest else None
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
@@ -150,13 +157,13 @@ def _compliance(
     w[6:, :6] = w[:6, 6:].T
     w[:6, :6] = answer.flexibility[:6, :6] + w[:6, 6:] @ jacobian.T
     w = 0.5 * (w + w.T)
-    fall = answer.fall[:6].copy()
+    offset = answer.fall[:6].copy()
     position, turn = _pose(state, observed)
     if rest:
-        rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
+        rest.correct(fall.turning, fall.unknowns, stable=system.linear.is_positive())
         there, turned = _pose(at, observed)
-        fall[:3] = there - position
-        fall[3:] = rotation_vector(turned @ turn.T)
+        offset[:3] = there - position
+        offset[3:] = rotation_vector(turned @ turn.T)
     return Compliance(
         w,
         jacobian,
@@ -166,9 +173,68 @@ def _compliance(
         efforts,
         position,
         quaternion(turn),
-        fall,
+        offset,
         soft,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fall:
+    """From a state to rest at the same commands, to first order.
+
+    Attributes:
+        unknowns: Move of all unknowns, shape (unknowns,).
+        turning: Move of the unknowns with the commands, shape (unknowns, s); zero for cables that are slack at rest.
+        slack: What the gaps change by, shape (s,): a cable that is slack at rest need not keep its length.
+        efforts: tau, shape (s,); with cables that go slack that at rest, else that of the state.
+    """
+
+    unknowns: FloatArray
+    turning: FloatArray
+    slack: FloatArray
+    efforts: FloatArray
+
+
+def _fall(system: System, answers: FloatArray) -> _Fall:
+    """Return how the body goes to rest, from `answers` without further unknowns.
+
+    The tangent counts slack cables as taut, so that they would keep their lengths. At rest a cable is either taut or
+    slack: gap + d >= 0, tau >= 0, and one of them is zero, with tau = tau_0 + K_s^T u + S d. `_slack` solves that.
+    """
+    turning, fall, efforts = -answers[:, 6:-1], -answers[:, -1], system.efforts.copy()
+    slack = np.zeros(len(efforts))
+    pulls = np.flatnonzero(system.pulls)
+    if not len(pulls):
+        return _Fall(fall, turning, slack, efforts)
+    stiffness = system.reduction.drive_drive + system.reduction.drive.T @ turning
+    pulls = pulls[np.diag(stiffness)[pulls] > 0]  # of one that cannot be pulled taut nothing is known
+    at_rest = efforts + system.reduction.drive.T @ fall
+    slack[pulls] = _slack(stiffness[np.ix_(pulls, pulls)], at_rest[pulls], system.gaps[pulls])
+    at_rest += stiffness @ slack
+    is_slack = pulls[system.gaps[pulls] + slack[pulls] > 0]
+    at_rest[is_slack] = 0.0
+    fall = fall + turning @ slack
+    turning[:, is_slack] = 0.0
+    return _Fall(fall, turning, slack, at_rest)
+
+
+def _slack(S: FloatArray, tau: FloatArray, gaps: FloatArray) -> FloatArray:
+    """Return d, shape (c,), with gaps + d >= 0, tau + S d >= 0, of each cable one of them zero.
+
+    A linear complementarity problem, solved by principal pivoting, the least index first.
+    """
+    is_slack = (gaps > 0) | (tau < 0)
+    d = -gaps
+    for _ in range(PIVOTS * len(gaps)):
+        d = np.where(is_slack, 0.0, -gaps)
+        right = -(tau + S @ d)[is_slack]
+        d[is_slack] = np.linalg.lstsq(S[np.ix_(is_slack, is_slack)], right)[0]
+        wrong = np.where(is_slack, gaps + d < 0, tau + S @ d < 0)
+        if not wrong.any():
+            break
+        first = int(np.argmax(wrong))
+        is_slack[first] = not is_slack[first]
+    return d
 
 
 def _pose(state: State, observed: "ObservedPoint | None") -> tuple[FloatArray, FloatArray]:

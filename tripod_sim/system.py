@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
@@ -250,6 +251,13 @@ class System:
     def gaps(self) -> FloatArray:
         """What it takes to take up slack, as of the last `evaluate` within `taut`, shape (actuators,)."""
         return np.array([0.0] * len(self.torques) + [term.gap for term in self._actuated])
+
+    @property
+    def pulls(self) -> NDArray[np.bool_]:
+        """Which actuators are commanded by length and only pull, shape (actuators,)."""
+        return np.array(
+            [False] * len(self.torques) + [term.only_pulls for term in self._actuated], dtype=bool
+        )
 
     def paths(self, x: FloatArray) -> tuple[FloatArray | None, ...]:
         """Return the line of each term that is an actuator, see `ActuatorTerm.path`, with nodes at `x` [m]."""

@@ -128,10 +128,10 @@ class FakeSim(Node):
 
 
 class Graph:
-    def __init__(self, domain):
+    def __init__(self, domain, make=FakeSim):
         rclpy.init(domain_id=domain)
         self.executor = SingleThreadedExecutor()
-        self.sim = FakeSim()
+        self.sim = make()
         self.executor.add_node(self.sim)
         self.nodes = [self.sim]
 

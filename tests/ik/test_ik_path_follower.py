@@ -65,12 +65,12 @@ def test_it_waits_for_the_answer_goes_straight_from_stop_to_stop_and_rests_there
     robot = Robot([None] * 5 + [JointPath(STOPS, 1e-3, ("snap",), FIRM)])
     robot.until_asked()
     waiting = robot.run(5)
-    assert [step.waits for step in waiting] == [True] * 5
+    assert [step.activity for step in waiting] == [Activity.SEARCHING] * 4 + [Activity.TRACKING]
     start = waiting[-2].result.command
     assert all(question[0] is robot.questions[0][0] for question in robot.questions)
     assert np.ptp([step.result.command for step in waiting[1:-1]], axis=0).max() < 1e-6
     moving = robot.run(80)
-    assert not any(step.waits for step in moving)
+    assert not any(step.activity is Activity.SEARCHING for step in moving)
     commands = np.array([start, *(step.result.command for step in moving)])
     assert np.abs(np.diff(commands, axis=0)).max() <= 3.0 * DT + 1e-9
     places = np.array([robot.plant.rest(command) for command in commands])

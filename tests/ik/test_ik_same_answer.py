@@ -54,7 +54,8 @@ def moved(slide: float, start: np.ndarray, target: np.ndarray) -> tuple[np.ndarr
         assert told.result.ok
         command = told.result.command
         ended = told.activity is Activity.CLOSEST or told.result.residual <= SETTINGS.tolerance
-        calm = calm + 1 if np.abs(command - last).max() < STILL and ended and not told.waits else 0
+        ended = ended and told.activity is not Activity.SEARCHING
+        calm = calm + 1 if np.abs(command - last).max() < STILL and ended else 0
         if calm * DT > CALM:
             break
         for part in range(every):

@@ -22,12 +22,13 @@ class ActuatorTerm(BlockTerm):
         high: Largest q.
         holds: Whether the second derivatives of an actuator that only pulls, and is slack, are those of when it is just
             taut, as far as `high` allows that.
+        only_pulls: Whether a position is commanded and it can go slack.
         gap: By how much q then has to grow until it is; else 0.
     """
 
     value = effort = effort_slope = gap = 0.0
     span, high = 1.0, math.inf
-    holds = False
+    holds = only_pulls = False
 
     def add_coupling(self, x: FloatArray, out: FloatArray) -> None:
         """Add d²V/dx dq at positions `x` [m] to `out`, both of shape (n, 3)."""

@@ -91,6 +91,7 @@ class Cable(ActuatorTerm):
         self.elements = own[None]
         self.matrices = np.zeros((1, 3 * len(own), 3 * len(own)))
         self._rounding, self._by_tension, self._stiffness = ROUNDING * length, by_tension, stiffness
+        self.only_pulls = not by_tension
         self._places, self._slope = np.zeros((count, 3)), np.zeros((len(own), 3))
         self._direction, self._inverse = np.zeros((count - 1, 3)), np.zeros(count - 1)
         self._all, self.tension, self.rest_length = np.arange(1), 0.0, 0.0
