@@ -84,8 +84,10 @@ class FakeSimulator(Node):
         self.follower = CommandFollower(self.follower.limits, joints)
 
     def have_joints(self, servos: int, others: Sequence[Joint]) -> None:
-        """Have so many servos and these other joints from now on, parked."""
-        self.follower = CommandFollower(CommandLimits().of(servos, tuple(others)))
+        """Have so many servos and these other joints from now on, parked where they are others than before."""
+        limits = CommandLimits().of(servos, tuple(others))
+        if limits.joints != self.follower.limits.joints:
+            self.follower = CommandFollower(limits)
 
     def publish_mesh(self) -> None:
         points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.body[0]]
