@@ -6,7 +6,7 @@ the points of the body are overwritten. To be found again they are serialised as
 """
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,7 +49,7 @@ class SceneMarkers:
         maze: "BoardMesh | None" = None,
         ball_radius: float | None = None,
         sets: Mapping[str, IndexArray] | None = None,
-        cables: Callable[[FloatArray], Mapping[str, FloatArray]] | None = None,
+        cables: Mapping[str, FloatArray] | None = None,
     ) -> None:
         """Prepare the message.
 
@@ -58,7 +58,7 @@ class SceneMarkers:
             maze: Fastened to the effector.
             ball_radius: [m].
             sets: Nodes by name, a dot in the middle of each.
-            cables: Returns the points of each cable by name from the positions of the nodes, both in [m].
+            cables: Points of each cable by name [m], shape (k, 3).
         """
         self._corners = mesh.surface.ravel()
         markers = [_marker("body", Marker.TRIANGLE_LIST, BODY)]
@@ -74,8 +74,7 @@ class SceneMarkers:
         size = DOT * float(np.ptp(mesh.nodes, axis=0).max())
         for i, name in enumerate(sets or {}):
             markers.append(_marker(f"set {name}", Marker.SPHERE, SET, place=PLACE + 3 + i, scale=size))
-        self._cables = cables
-        lines = cables(mesh.nodes) if cables else {}
+        lines = cables or {}
         first = PLACE + 3 + len(self._sets)
         for i, (name, points) in enumerate(lines.items()):
             markers.append(_marker(f"cable {name}", Marker.LINE_STRIP, CABLE, scale=0.25 * size))
@@ -93,8 +92,8 @@ class SceneMarkers:
     def _find(self, form: str, *values: float) -> int:
         return self._buffer.index(struct.pack(form, *values))
 
-    def serialised(self, snapshot: Snapshot) -> bytes:
-        """Return the MarkerArray of a snapshot in CDR, for `Publisher.publish`."""
+    def serialised(self, snapshot: Snapshot, cables: Mapping[str, FloatArray] | None = None) -> bytes:
+        """Return the MarkerArray of a snapshot in CDR, for `Publisher.publish`; `cables`: as in the beginning."""
         seconds, nanoseconds = divmod(snapshot.stamp, 1_000_000_000)
         for place in self._stamps:
             struct.pack_into("<iI", self._buffer, place, seconds, nanoseconds)
@@ -104,10 +103,9 @@ class SceneMarkers:
         self._put(self._ball_pose, snapshot.ball)
         for place, nodes in zip(self._middles, self._sets, strict=True):
             struct.pack_into("<3d", self._buffer, place, *snapshot.positions[nodes].mean(axis=0).tolist())
-        if self._cables and self._lines:
-            for place, line in zip(self._lines, self._cables(snapshot.positions).values(), strict=True):
-                data = np.ascontiguousarray(line, dtype="<f8").tobytes()
-                self._buffer[place : place + len(data)] = data
+        for place, line in zip(self._lines, (cables or {}).values(), strict=True):
+            data = np.ascontiguousarray(line, dtype="<f8").tobytes()
+            self._buffer[place : place + len(data)] = data
         return bytes(self._buffer)
 
     def _put(self, place: int | None, pose: Pose | None) -> None:

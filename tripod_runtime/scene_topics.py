@@ -40,7 +40,9 @@ class SceneTopics:
         plate, ball = simulation.plate, simulation.scene.ball
         maze = board_mesh(plate.board, plate.offset) if plate else None
         radius = ball.radius if ball else None
-        self.drawn = SceneMarkers(self._skin, maze, radius, simulation.watched, simulation.cables)
+        self.drawn = SceneMarkers(
+            self._skin, maze, radius, simulation.watched, simulation.cables(simulation.positions)
+        )
         self._mesh.publish(messages.mesh_message(self._skin))
         self._maze.publish(messages.maze_message(maze))
         self._ball.publish(messages.ball_shape_message(radius))
@@ -48,9 +50,10 @@ class SceneTopics:
 
     def publish(self, snapshot: Snapshot) -> None:
         """Publish a snapshot of the simulation that is shown."""
-        snapshot = replace(snapshot, positions=self._simulation.shown(snapshot.positions))
+        positions = snapshot.positions
+        snapshot = replace(snapshot, positions=self._simulation.shown(positions))
         self._body.publish(messages.body_message(snapshot, self._skin))
         if self.markers.get_subscription_count():
-            self.markers.publish(self.drawn.serialised(snapshot))
+            self.markers.publish(self.drawn.serialised(snapshot, self._simulation.cables(positions)))
         if self.cloud.get_subscription_count():
             self.cloud.publish(messages.cloud_message(snapshot))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
+    from tripod_sim.mesh.embedding import Embedding
     from tripod_sim.mesh_error.estimate import MeshError
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
@@ -659,12 +660,17 @@ class Simulation:
         """Nodes of each marker of the scene, by the name of its set."""
         return {t.set: nodes for t, nodes in zip(self.scene.marker, self._parts.watched, strict=True)}
 
-    def cables(self, positions: FloatArray) -> dict[str, FloatArray]:
-        """Return the points of each cable [m], shape (k, 3), by its name, with nodes at `positions`, shape (n, 3)."""
+    @property
+    def routes(self) -> "dict[str, Embedding]":
+        """Points through which each cable runs, by its name."""
         if not (self.joints and self.joints.others):
             return {}
-        paths = zip(self.joints.others, self._system.paths(positions), strict=True)
-        return {actuator.name: path for actuator, path in paths if path is not None}
+        routes = zip(self.joints.others, self._system.routes, strict=True)
+        return {actuator.name: route for actuator, route in routes if route is not None}
+
+    def cables(self, positions: FloatArray) -> dict[str, FloatArray]:
+        """Return the points of each cable [m], shape (k, 3), by its name, with nodes at `positions`, shape (n, 3)."""
+        return {name: route.places(positions) for name, route in self.routes.items()}
 
     @property
     def markers(self) -> tuple[FloatArray, ...]:

@@ -8,7 +8,7 @@ strain energy, that of dampers in a stage (see `aim`), and whatever terms there 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from tripod_sim.linear.choice import LinearFactory, linear_factory
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same, scaled_norm_squared
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.mesh.embedding import Embedding
 
 T = TypeVar("T", bound=Term)
 
@@ -259,9 +262,10 @@ class System:
             [False] * len(self.torques) + [term.only_pulls for term in self._actuated], dtype=bool
         )
 
-    def paths(self, x: FloatArray) -> tuple[FloatArray | None, ...]:
-        """Return the line of each term that is an actuator, see `ActuatorTerm.path`, with nodes at `x` [m]."""
-        return tuple(term.path(x) for term in self._actuated)
+    @property
+    def routes(self) -> "tuple[Embedding | None, ...]":
+        """Points of the line of each term that is an actuator, see `ActuatorTerm.route`."""
+        return tuple(term.route for term in self._actuated)
 
     def runaway(self) -> str:
         """Return in words which actuators a failed solve is likely due to, as of the last `evaluate`; empty if none."""

@@ -14,7 +14,10 @@
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
 | `actuator_positions`, `actuator_efforts` | k, a | of other actuators [m or m³], [N or Pa]; with any |
+| `actuator_names`, `actuator_units` | a | of these: name, unit of the command |
 | `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
+| `cable_names`, `cable_points` | c | of cables: name, number of points; with any |
+| `cable_nodes`, `cable_weights`, `cable_fixed` | p, m twice; p, 3 | a, N_a, X_p of points X_p + sum_a N_a x_a [m] |
 | `slide` | k | of the servo bodies [m] |
 | `ball` | k, 7 | pose of the ball; with a ball |
 | `rigid` | k, r, 7 | poses of rigid bodies; with any |
@@ -54,6 +57,7 @@ UNITS = {
     "maze_vertices": "m",
     "maze_goal": "m",
     "still_vertices": "m",
+    "cable_fixed": "m",
     "event_times": "s",
 }
 """Of the arrays."""
@@ -215,6 +219,16 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         found["still_triangles"] = np.concatenate(
             [part.triangles + k for part, k in zip(parts, first, strict=False)]
         )
+    if simulation.joints and (others := simulation.joints.others):
+        found["actuator_names"] = np.array([actuator.name for actuator in others])
+        found["actuator_units"] = np.array([actuator.unit for actuator in others])
+    if routes := simulation.routes:
+        from tripod_sim.mesh.embedding import joined  # noqa: PLC0415 - only with cables
+
+        found["cable_names"] = np.array(list(routes))
+        found["cable_points"] = np.array([len(route.fixed) for route in routes.values()])
+        points = joined(list(routes.values()))
+        found["cable_nodes"], found["cable_weights"], found["cable_fixed"] = points
     if plate := simulation.plate:
         from tripod_sim.maze.board_mesh import board_mesh  # noqa: PLC0415 - only with a maze
 

@@ -1,4 +1,4 @@
-"""What moves freely, and what it meets: the soft body, rigid bodies, obstacles, points that are held."""
+"""What moves freely, and what it meets: the soft body, rigid bodies, obstacles, points that are held, cables."""
 
 from collections import Counter
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_view.body import Surface
+from tripod_view.cable import SLACK_COLOUR, TAUT_COLOUR, Route, radius, tube
 from tripod_view.frame import span
 from tripod_view.picture import Part, Picture
 from tripod_view.shade import Rgb, shade
@@ -20,15 +21,25 @@ MESH_LINES: Rgb = (150, 95, 50)
 SPRING_LINES: Rgb = (40, 70, 120)
 HELD: Rgb = (60, 60, 70)
 
+SEEN_THROUGH = 0.6
+"""Opacity of bodies in which cables run."""
+
 
 class Drawn:
     """One part of the mesh as it is drawn."""
 
     def __init__(
-        self, api: viser.SceneApi, number: int, part: Part, surface: Surface, colour: Rgb, lines: bool
+        self,
+        api: viser.SceneApi,
+        number: int,
+        part: Part,
+        surface: Surface,
+        colour: Rgb,
+        lines: bool,
+        opacity: float | None,
     ) -> None:
         """`number`: of the part, by which it is named: its own name is the user's, and may be that of anything else
-        that is drawn. `surface`: of the whole mesh; `lines`: whether its edges are shown.
+        that is drawn. `surface`: of the whole mesh; `lines`: whether its edges are shown; `opacity`: None: opaque.
         """
         self.part, self._api = part, api
         own = slice(part.first, part.first + part.count)
@@ -39,7 +50,7 @@ class Drawn:
         self.handles = [
             api.add_mesh_simple(
                 f"/bodies/{number}", nodes, triangles, color=colour, flat_shading=rigid, side="double",
-                cast_shadow=False, receive_shadow=False,
+                opacity=opacity, cast_shadow=False, receive_shadow=False,
             )
         ]  # fmt: skip
         self.lines: viser.MeshHandle | None = None
@@ -75,6 +86,40 @@ class Drawn:
             handle.remove()
 
 
+class DrawnCable:
+    """A cable as it is drawn."""
+
+    def __init__(
+        self, api: viser.SceneApi, number: int, route: Route, surface: Surface, extent: float, slack: bool
+    ) -> None:
+        """`number`: by which it is named; `extent`: of the bodies [m]."""
+        self.route, self._extent, self._slack, self._nodes = route, extent, slack, surface.nodes
+        self._handle = api.add_mesh_simple(
+            f"/cables/{number}", self._tube(), route.triangles.astype(np.uint32), side="double",
+            color=SLACK_COLOUR if slack else TAUT_COLOUR, cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    def _tube(self) -> NDArray[np.float32]:
+        radii = radius(self._extent, np.array([0.0 if self._slack else np.inf]))
+        return tube(self.route.points(self._nodes)[None], radii)[0].astype(np.float32)
+
+    def move(self, positions: FloatArray) -> None:
+        """Run through the points of a mesh whose nodes are at `positions` [m], shape (n, 3)."""
+        self._nodes = positions
+        self._handle.vertices = self._tube()
+
+    def set_slack(self, slack: bool) -> None:
+        """Look slack, or taut."""
+        if slack != self._slack:
+            self._slack = slack
+            self._handle.color = SLACK_COLOUR if slack else TAUT_COLOUR
+            self._handle.vertices = self._tube()
+
+    def remove(self) -> None:
+        """Take it away."""
+        self._handle.remove()
+
+
 class Bodies:
     """Draws what it is told; every method is called from the thread of ROS only."""
 
@@ -83,12 +128,26 @@ class Bodies:
         self._drawn: list[Drawn] = []
         self._still: list[viser.SceneNodeHandle] = []
         self._lines = True
+        self._cables: list[DrawnCable] = []
+        self._slack: frozenset[str] = frozenset()
 
-    def set_surface(self, surface: Surface, parts: tuple[Part, ...]) -> None:
-        """Show another mesh, undeformed; without parts, or with parts that do not fit it, it is one solid."""
+    def set_surface(self, surface: Surface, parts: tuple[Part, ...], cables: tuple[Route, ...] = ()) -> None:
+        """Show another mesh, undeformed; without parts, or with parts that do not fit it, it is one solid.
+
+        Bodies with cables are seen through.
+        """
         for drawn in self._drawn:
             drawn.remove()
+        for cable in self._cables:
+            cable.remove()
         count = len(surface.nodes)
+        extent = float(np.ptp(surface.nodes, axis=0).max(initial=0.0)) if count else 0.0
+        fitting = [cable for cable in cables if cable.fits(count)]
+        self._cables = [
+            DrawnCable(self._api, i, cable, surface, extent, cable.name in self._slack)
+            for i, cable in enumerate(fitting)
+        ]
+        opacity = SEEN_THROUGH if fitting else None
         ends = [part.first + part.count for part in parts]
         fits = bool(parts) and max(ends) == count and all(p.first >= 0 and p.count > 0 for p in parts)
         whole = (Part("body", "solid", 0, count),)
@@ -96,7 +155,7 @@ class Bodies:
         self._drawn = []
         for i, part in enumerate(parts if fits else whole):
             self._drawn.append(
-                Drawn(self._api, i, part, surface, _colour(part, kinds[part.kind]), self._lines)
+                Drawn(self._api, i, part, surface, _colour(part, kinds[part.kind]), self._lines, opacity)
             )
             kinds[part.kind] += 1
 
@@ -105,6 +164,15 @@ class Bodies:
         nodes = positions.astype(np.float32)
         for drawn in self._drawn:
             drawn.move(nodes)
+        for cable in self._cables:
+            cable.move(positions)
+
+    def set_slack(self, names: frozenset[str]) -> None:
+        """Show which cables are slack, by their names."""
+        if names != self._slack:
+            self._slack = names
+            for cable in self._cables:
+                cable.set_slack(cable.route.name in names)
 
     def boxes(self, positions: FloatArray) -> FloatArray:
         """Return the box about each part where the nodes are at `positions` [m], shape (parts, 2, 3)."""

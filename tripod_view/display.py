@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from tripod_graph.command import CommandLimits
+from tripod_graph.joint import Joint
 from tripod_host.arrays import FloatArray
 from tripod_view import words
 from tripod_view.body import Body, Surface
+from tripod_view.cable import SLACK
 from tripod_view.control import Control
 from tripod_view.panel import Panel
 from tripod_view.picture import Picture
@@ -72,6 +74,7 @@ class Display:
         self._ik_values = Heard()
         self._torques: FloatArray | None = None
         self._servos = 0
+        self._table: tuple[Joint, ...] = ()
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
         self._nodes: FloatArray | None = None
         self._surface_changed = self._effector_changed = self._target_changed = False
@@ -96,7 +99,7 @@ class Display:
         scene = self._scene
         self._panel.show_scene(
             scene.picture,
-            has_servos=scene.has_servos,
+            has_joints=scene.has_joints,
             has_target=scene.has_target,
             known=bool(scene.picture.name),
         )
@@ -191,10 +194,7 @@ class Display:
     def show_range(self, limits: CommandLimits) -> None:
         """Let the sliders end where the joints may go."""
         self._panel.show_range(limits)
-        self._servos = limits.count
-        if self._scene.has_others != bool(limits.others):
-            self._scene.has_others = bool(limits.others)
-            self._show_scene()
+        self._servos, self._table = limits.count, limits.table[:-1]
 
     def draw(self, control: Control, target: TargetHandle, rejects: Rejects, browsers: int) -> None:
         """Draw a picture; the panel follows every PANEL_PERIOD."""
@@ -235,7 +235,9 @@ class Display:
         if self._nodes is not None:
             self._scene.set_nodes(self._nodes)
             nodes = self._nodes.astype(np.float32)
-            self.replay.keep(Moment(now, nodes, joints, self.effector, self.ball))
+            slack = self._slack(joints)
+            self._scene.set_slack(slack)
+            self.replay.keep(Moment(now, nodes, joints, self.effector, self.ball, slack))
             self._nodes = None
         if joints is not None:
             self._find_robot(self._servos)
@@ -249,7 +251,16 @@ class Display:
             self._ball_changed = False
             self._scene.game.place_ball(self.ball)
 
+    def _slack(self, joints: FloatArray | None) -> frozenset[str]:
+        """Return the names of joints whose force, commanded or given in return, is none; of servos, too."""
+        back = self._torques
+        if joints is None or back is None or not len(back) == len(self._table) == len(joints) - 1:
+            return frozenset()
+        forces = [v if j.is_effort else b for j, v, b in zip(self._table, joints, back, strict=False)]
+        return frozenset(j.name for j, force in zip(self._table, forces, strict=True) if force <= SLACK)
+
     def _draw_past(self, moment: Moment) -> None:
+        self._scene.set_slack(moment.slack)
         self._scene.set_nodes(moment.nodes.astype(float))
         if moment.joints is not None:
             self._scene.set_joints(moment.joints[: self._servos], float(moment.joints[-1]))

@@ -26,14 +26,14 @@ class Panel:
         self._scales, self._answers, self._digits = np.zeros(0), np.zeros(0), 1
         channel.show("colours", [f"rgb{colour}" for colour in SERVO_COLOURS])
 
-    def show_scene(self, picture: Picture, *, has_servos: bool, has_target: bool, known: bool) -> None:
+    def show_scene(self, picture: Picture, *, has_joints: bool, has_target: bool, known: bool) -> None:
         """Show what there is: which controls the page has follows from it. `known`: whether a simulator has told it."""
         servos = picture.servos
         scene = {
             "known": known,
             "name": picture.name,
             "description": picture.description,
-            "servos": has_servos,
+            "joints": has_joints,
             "target": has_target,
             "ball": picture.ball,
             "maze": picture.maze is not None,

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from tripod_graph.names import servo_names
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import Stand
 from tripod_view.body import BodyError, Surface
+from tripod_view.cable import Route
 from tripod_view.json_text import JsonError, table_of
 
 LONGEST = 20_000_000
@@ -62,6 +64,8 @@ class Picture:
         parts: Of the mesh; none: all of it is one solid.
         obstacles: Surfaces that never move.
         held: Points that never move, in the undeformed body [m], shape (n, 3).
+        joints: Names of what is commanded but the slide.
+        cables: Through which points they run.
         servos: None where the scene has none.
         effector: Radius of the disc [m]; None for none.
         maze: None for none.
@@ -78,6 +82,8 @@ class Picture:
     parts: tuple[Part, ...] = ()
     obstacles: tuple[Surface, ...] = ()
     held: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    joints: tuple[str, ...] = ()
+    cables: tuple[Route, ...] = ()
     servos: ServoPicture | None = None
     effector: float | None = None
     maze: MazePicture | None = None
@@ -90,7 +96,7 @@ class Picture:
     @property
     def key(self) -> tuple[object, ...]:
         """Equal for pictures that are drawn alike."""
-        drawn = (self.name, self.parts, self.servos, self.effector, self.ball, self.changes)
+        drawn = (self.name, self.parts, self.joints, self.servos, self.effector, self.ball, self.changes)
         return (*drawn, len(self.obstacles), len(self.held), self.maze is None)
 
 
@@ -108,6 +114,8 @@ def picture_of(text: str) -> Picture:
 
 def _picture(table: dict[str, Any]) -> Picture:
     effector = table["effector"]
+    servos = _servos(table["servos"]) if table["servos"] else None
+    before = servo_names(len(servos.arms)) if servos else ()  # of a recording made before there were others
     return Picture(
         name=str(table["name"]),
         description=str(table["description"]),
@@ -118,7 +126,9 @@ def _picture(table: dict[str, Any]) -> Picture:
         ),
         obstacles=tuple(_surface(o) for o in _list(table["obstacles"])),
         held=_array(_list(table["held"])).reshape(-1, 3),
-        servos=_servos(table["servos"]) if table["servos"] else None,
+        joints=tuple(map(str, _list(table.get("joints", list(before))))),
+        cables=tuple(map(_cable, _list(table.get("cables", [])))),
+        servos=servos,
         effector=_radius(effector) if effector else None,
         maze=_maze(table["maze"]) if table["maze"] else None,
         ball=bool(table["ball"]),
@@ -127,6 +137,11 @@ def _picture(table: dict[str, Any]) -> Picture:
         accuracy=dict(table["accuracy"]),
         effects=tuple(dict(e) for e in _list(table["effects"])),
     )
+
+
+def _cable(table: dict[str, Any]) -> Route:
+    nodes, weights, fixed = (_list(table[name]) for name in ("nodes", "weights", "fixed"))
+    return Route(str(table["name"]), np.array(nodes, dtype=np.int64), _array(weights), _array(fixed))
 
 
 def _radius(table: dict[str, Any]) -> float:

@@ -18,13 +18,14 @@ MOST_BYTES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What was drawn at a time [s]: node positions [m], joints, poses; None for what was not known."""
+    """What was drawn at a time [s]: node positions [m], joints, poses, slack cables; None for what was not known."""
 
     time: float
     nodes: NDArray[np.float32]
     joints: FloatArray | None
     effector: Pose | None
     ball: Pose | None
+    slack: frozenset[str] = frozenset()
 
 
 class Replay:

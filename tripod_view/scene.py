@@ -30,7 +30,6 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
-        has_others: Whether there are joints that are no servos.
         lost: How many bodies are so far from the others that they are left out of sight.
     """
 
@@ -51,7 +50,7 @@ class Scene:
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
         self._first = np.zeros((2, 3))
-        self.lost, self.has_others = 0, False
+        self.lost = 0
         self._aimed: dict[int, FloatArray] = {}
         self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
         self._handle = Handle(self._api, inbox, box)
@@ -61,14 +60,12 @@ class Scene:
     @property
     def has_target(self) -> bool:
         """Whether the scene has an effector that can be sent somewhere."""
-        return self.has_servos and (self.picture is UNKNOWN or bool(self.picture.effector))
+        return self.has_joints and (self.picture is UNKNOWN or bool(self.picture.effector))
 
     @property
-    def has_servos(self) -> bool:
+    def has_joints(self) -> bool:
         """Whether there is something to command: in the scene or, while that is not known, at all."""
-        if self.has_others:
-            return True
-        return self._robot_heard > 0 if self.picture is UNKNOWN else self.picture.servos is not None
+        return self._robot_heard > 0 if self.picture is UNKNOWN else bool(self.picture.joints)
 
     @property
     def gone(self) -> float:
@@ -114,7 +111,7 @@ class Scene:
 
     def _set_surface(self, surface: Surface) -> None:
         self._surface, self._nodes, self.lost = surface, None, 0
-        self._bodies.set_surface(surface, self.picture.parts)
+        self._bodies.set_surface(surface, self.picture.parts, self.picture.cables)
         self._first = union(self._bodies.boxes(surface.nodes))
 
     def set_nodes(self, positions: FloatArray) -> None:
@@ -130,6 +127,10 @@ class Scene:
     def show_lines(self, visible: bool) -> None:
         """Show or hide the edges of the mesh."""
         self._bodies.show_lines(visible)
+
+    def set_slack(self, names: frozenset[str]) -> None:
+        """Show which cables are slack, by their names."""
+        self._bodies.set_slack(names)
 
     def set_joints(self, angles: FloatArray, slide: float) -> None:
         """Put the arms at `angles` [rad], shape (servos,), and the servo bodies at `slide` [m]."""

@@ -81,13 +81,16 @@ def test_a_dot_stands_in_the_middle_of_each_watched_set() -> None:
 
 def test_a_cable_is_a_line_through_its_points() -> None:
     simulation = Simulation(load_scene(str(FINGER), [*COARSE, "motion=off"]))
-    markers = SceneMarkers(simulation.skin, sets=simulation.watched, cables=simulation.cables)
+    markers = SceneMarkers(
+        simulation.skin, sets=simulation.watched, cables=simulation.cables(simulation.positions)
+    )
     seen = []
     for pulled in (0.0, 0.02):
         for _ in range(20):
             simulation.step(np.array([pulled, 0.0]))
         snapshot = RealTime(simulation, lambda _: None).latest
-        _, dot, line = deserialize_message(markers.serialised(snapshot), MarkerArray).markers
+        serialised = markers.serialised(snapshot, simulation.cables(snapshot.positions))
+        _, dot, line = deserialize_message(serialised, MarkerArray).markers
         assert (dot.ns, line.ns, line.type) == ("set tip", "cable tendon", Marker.LINE_STRIP)
         points = np.array([(p.x, p.y, p.z) for p in line.points])
         np.testing.assert_array_equal(points, simulation.cables(simulation.positions)["tendon"])

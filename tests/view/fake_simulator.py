@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from array import array
+from collections.abc import Sequence
 from typing import Any
 from zlib import crc32
 
@@ -23,6 +24,7 @@ from tripod_msgs.msg import BodyState, ControlMode, SimStatus
 from tests.decisions import keep
 from tripod_graph import names
 from tripod_graph.command import CommandFollower, CommandLimits
+from tripod_graph.joint import Joint
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 
@@ -81,6 +83,12 @@ class FakeSimulator(Node):
         """Hold at `joints`: three angles [rad] and the slide [m]."""
         self.follower = CommandFollower(self.follower.limits, joints)
 
+    def have_joints(self, servos: int, others: Sequence[Joint]) -> None:
+        """Have so many servos and these other joints from now on, parked where they are others than before."""
+        limits = CommandLimits().of(servos, tuple(others))
+        if limits.joints != self.follower.limits.joints:
+            self.follower = CommandFollower(limits)
+
     def publish_mesh(self) -> None:
         points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.body[0]]
         triangles = [MeshTriangle(vertex_indices=t) for t in self.body[1]]
@@ -113,8 +121,10 @@ class FakeSimulator(Node):
     def _on_command(self, message: JointTrajectory) -> None:
         self.commands.append(message)
         times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
-        positions = [list(p.positions) for p in message.points]
-        self.follower.accept(message.joint_names, times, positions, time.monotonic())
+        positions, efforts = ([list(getattr(p, k)) for p in message.points] for k in ("positions", "effort"))
+        self.follower.accept(
+            message.joint_names, times, positions, time.monotonic(), efforts=efforts if any(efforts) else ()
+        )
 
     def _on_mode(self, message: ControlMode) -> None:
         keep(self.modes, message)
@@ -122,9 +132,12 @@ class FakeSimulator(Node):
             self.follower.stop(time.monotonic())
 
     def publish_joints(self, joints: np.ndarray) -> None:
-        """Say that the joints are there: three angles [rad] and the slide [m]."""
-        state = JointState(name=[*names.SERVOS, names.SLIDE], position=array("d", joints.tobytes()))
-        state.effort = array("d", [-0.01, -0.02, 0.3, 0.0])
+        """Say that the joints are there: angles [rad], others [m, m³, N, Pa] and the slide [m]."""
+        limits, back = self.follower.limits, [-0.01, -0.02, 0.3, *[0.5] * len(joints)]
+        table = [joint for joint in limits.table if joint.name in limits.known]
+        rows = [(b, v) if j.is_effort else (v, b) for j, v, b in zip(table, joints, back, strict=False)]
+        state = JointState(name=[joint.name for joint in table])
+        state.position, state.effort = (array("d", column) for column in zip(*rows, strict=True))
         state.header.stamp = self.get_clock().now().to_msg()
         self._joints.publish(state)
 
@@ -138,7 +151,8 @@ class FakeSimulator(Node):
         stamp = self.get_clock().now().to_msg()
         message = BodyState(topology_id=crc32(triangles.tobytes()), time=now)
         message.header.stamp, message.header.frame_id = stamp, names.WORLD
-        z = 0.004 * np.sin(60 * np.hypot(nodes[:, 0], nodes[:, 1]) - 4 * now) + 0.015 * joints[:3].mean()
+        tilt = 0.005 * joints[: self.follower.limits.count].sum()
+        z = 0.004 * np.sin(60 * np.hypot(nodes[:, 0], nodes[:, 1]) - 4 * now) + tilt
         positions = np.column_stack([nodes[:, :2], nodes[:, 2] + z])
         if self.spoil == "nan":
             positions[3, 1] = np.nan
@@ -146,7 +160,8 @@ class FakeSimulator(Node):
             message.topology_id += 1
         message.positions = array("d", (positions[:-1] if self.spoil == "size" else positions).tobytes())
         self._state.publish(message)
-        self.publish_joints(joints)
+        if self.follower.limits.size:
+            self.publish_joints(joints)
         pose = PoseStamped()
         pose.header = message.header
         pose.pose.position.z = float(z[len(z) // 2])
@@ -154,11 +169,14 @@ class FakeSimulator(Node):
 
     def _tell(self) -> None:
         if not self.silent:
+            told = self.follower.limits.table[:-1]
             self._status.publish(
                 SimStatus(
-                    scene=self.scene, dt=0.002, real_time_factor=1.0, capacity=4.0, step_time_median=0.0005
+                    scene=self.scene, dt=0.002, real_time_factor=1.0, capacity=4.0, step_time_median=0.0005,
+                    joint_names=[j.name for j in told], units=[j.unit for j in told], lower=[j.low for j in told],
+                    upper=[j.high for j in told], speed=[j.speed for j in told],
                 )
-            )
+            )  # fmt: skip
             if self.figures:
                 self._figures.publish(String(data=json.dumps(self.figures)))
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tests.view.fake_simulator import FakeSimulator
+from tripod_graph.joint import Joint
 from tripod_sim import Simulation, load_scene
 from tripod_study.summary.accuracy import accuracy_summary, as_table
 from tripod_study.summary.effects import effect_summary
@@ -17,8 +18,8 @@ from tripod_study.summary.stability import stability, stability_lines
 
 
 @cache
-def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.ndarray]:
-    """Return picture, figures, nodes and triangles of a scene at its start."""
+def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.ndarray, tuple[Joint, ...]]:
+    """Return picture, figures, nodes, triangles and joints that are no servos of a scene at its start."""
     simulation = Simulation(load_scene(scene))
     accuracy = as_table(accuracy_summary(scene, simulation.scene, 0.04))
     effects = [asdict(f) for f in effect_summary(simulation.scene)]
@@ -32,8 +33,10 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
         "notice": "",
         "notes": list(simulation.notes),
     }
+    others = simulation.joints.others if simulation.joints else ()
+    joints = tuple(Joint(a.name, a.unit, a.low, a.high, a.high - a.low) for a in others)
     skin = simulation.skin
-    return table, figures, np.array(skin.nodes), np.array(skin.surface, dtype=np.uint32)
+    return table, figures, np.array(skin.nodes), np.array(skin.surface, dtype=np.uint32), joints
 
 
 def show(
@@ -46,7 +49,8 @@ def show(
     notes: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Let the page show a scene, by another name if one is given; return what is told of it."""
-    table, figures, *body = told(scene)
+    table, figures, *body, others = told(scene)
+    sim.have_joints(len(table["joints"]) - len(others), others)
     sim.body = tuple(body)
     sim.figures = {**figures, "event": event, "notice": notice, "notes": [*figures["notes"], *notes]}
     sim.publish_mesh()

@@ -30,6 +30,7 @@ from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
 from tripod_graph.diagnostic_keys import Recording
 from tripod_graph.diagnostics import Level, status_message
+from tripod_graph.joint import SHOWN, Joint
 from tripod_graph.qos import RELIABLE
 from tripod_sim.scene.file import scene_names
 from tripod_study.accuracy.choice import percent
@@ -157,7 +158,7 @@ class Opened:
                     title: document.title,
                     too_wide: panel.scrollWidth - panel.clientWidth,
                     begin: document.querySelector("#begin").textContent,
-                    servos: shown("#servos"), target: shown("#target"), ball: shown(".only-ball"),
+                    joints: shown("#joints"), target: shown("#target"), ball: shown(".only-ball"),
                     simulated: shown("#simulated"), on: count("#on .chip"), off: count("#off .chip"),
                     barred: count("#barred p"),
                     offers: count("#offers tr"), enabled: count("#offers button:enabled"),
@@ -195,7 +196,10 @@ def test_every_control_of_every_scene_does_what_it_says(
             press_everything(opened, stage, shown, asked)
             if shown["servos"]:
                 drive(opened, stage)
-                assert_every_plot_of_servos_is_drawn(opened)
+                assert_every_plot_is_drawn(opened, "servos")
+            elif shown["joints"]:
+                drive_others(opened, stage)
+                assert_every_plot_is_drawn(opened, "others")
             assert opened.errors == [], scene
         opened.page.locator("#begin").click()
         assert opened.page.locator("#start").count() == 0
@@ -216,9 +220,9 @@ def check(seen: dict[str, Any], shown: dict[str, Any], size: str) -> None:
     assert seen["too_wide"] <= 0
     assert seen["title"] == f"{shown['name']} - Tripod"
     assert seen["simulated"]
-    assert seen["begin"].startswith(("Move", "Play")) == (shown["servos"] is not None)
-    for part in ("servos", "ball"):
-        assert seen[part] == (shown[part] is not None)
+    assert seen["begin"].startswith(("Move", "Play")) == bool(shown["joints"])
+    for part in ("joints", "ball"):
+        assert seen[part] == bool(shown[part])
     assert seen["target"] == (shown["effector"] is not None)
     on, off = ([e for e in shown["effects"] if e["on"] == here] for here in (True, False))
     barred = sum(bool(effect["why_not"]) for effect in off)
@@ -235,16 +239,16 @@ def check(seen: dict[str, Any], shown: dict[str, Any], size: str) -> None:
         messages.assert_names(seen["bound"], percent(accuracy["bound"]))
 
 
-def assert_every_plot_of_servos_is_drawn(opened: Opened) -> None:
-    """Each plot of the moving servos has a curve: something coloured, which the grid is not."""
+def assert_every_plot_is_drawn(opened: Opened, kind: str) -> None:
+    """Each plot of the moving joints of a kind has a curve: something coloured, which the grid is not."""
     opened.page.evaluate("document.querySelector('#plots').open = true")
     opened.wait(
-        """[...document.querySelectorAll("#plots .only-servos canvas")].every((canvas) => {
+        """[...document.querySelectorAll("#plots .only-KIND canvas")].every((canvas) => {
             const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
             const spread = (k) => Math.max(...data.slice(k, k + 3)) - Math.min(...data.slice(k, k + 3));
             for (let k = 0; k < data.length; k += 4) if (data[k + 3] > 200 && spread(k) > 60) return true;
             return false;
-        })"""
+        })""".replace("KIND", kind)
     )
 
 
@@ -297,7 +301,7 @@ def drive(opened: Opened, stage: Stage) -> None:
     opened.move("[aria-label='servo 2 (degrees)']", -45.0)
     stage.wait(lambda: abs(asks(2) + 0.7854) < 1e-3)
     opened.move("[aria-label='slide (mm)']", 10.0)
-    stage.wait(lambda: abs(asks(3) - 0.01) < 1e-6)
+    stage.wait(lambda: abs(asks(sim.follower.limits.size) - 0.01) < 1e-6)  # the slide is the last
     opened.move("[aria-label='servo 0, typed (degrees)']", -400.0, "change")
     opened.text("#notice", "servo 0", "-400.0 degrees", "-120.3 to 34.4")
     stage.wait(lambda: abs(asks(0) + 2.1) < 1e-3)
@@ -322,6 +326,29 @@ def drive(opened: Opened, stage: Stage) -> None:
         opened.press("Bring target to effector", label)
         opened.text("#notice", label)
     page.locator("#stop").dispatch_event("click")
+    stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
+
+
+def drive_others(opened: Opened, stage: Stage) -> None:
+    """Take control and move each joint that is no servo by its slider, in the unit in which people read it."""
+    limits = stage.sim.follower.limits
+    assert opened.page.evaluate("document.querySelector('#joints summary').textContent") == "Actuators"
+    opened.press("Drive by sliders and keys")
+    stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
+    opened.wait("!document.querySelector('.servo input').disabled")
+    for i, joint in enumerate(limits.others):
+        factor, unit = SHOWN[joint.unit]
+        opened.move(f"[aria-label='{joint.name} ({unit})']", factor * joint.high)
+
+        def is_asked(i: int = i, joint: Joint = joint) -> bool:
+            point = stage.sim.commands[-1].points[-1] if stage.sim.commands else None
+            values = () if point is None else point.effort if joint.is_effort else point.positions
+            return len(values) == limits.size and abs(values[i] - joint.high) < 0.02 * joint.span
+
+        stage.wait(is_asked, lambda name=joint.name: f"{name} was not commanded")
+    opened.press("Park")
+    opened.text("#notice", "Park")
+    opened.page.keyboard.press(" ")
     stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
 
 

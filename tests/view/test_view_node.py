@@ -166,7 +166,7 @@ def test_a_page_that_hears_nobody_shows_no_robot(domain: int) -> None:
     url, _ = view.page()
     with FakeBrowser(url) as browser:
         scene = browser.wait(lambda: browser.value("scene"))
-        assert (scene["known"], scene["servos"], scene["target"]) == (False, False, False)
+        assert (scene["known"], scene["joints"], scene["target"]) == (False, False, False)
         assert browser.position("/arms/0") is None
     assert view.stop()[0] == 0
 

@@ -6,9 +6,13 @@ pulled length the tension [N], of a pressure less the volume [m³].
 """
 
 import math
+from typing import TYPE_CHECKING
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.forces.term import BlockTerm
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.mesh.embedding import Embedding
 
 
 class ActuatorTerm(BlockTerm):
@@ -38,8 +42,9 @@ class ActuatorTerm(BlockTerm):
         """Return none: the work that actuators do comes from outside."""
         return 0.0, 0.0
 
-    def path(self, _: FloatArray) -> FloatArray | None:
-        """Return the line as which it is drawn at positions [m], shape (n, 3), as points (k, 3); None: it has none."""
+    @property
+    def route(self) -> "Embedding | None":
+        """Points of the line as which it is drawn; None: it is no line."""
         return None
 
     def runaway(self) -> str:

@@ -103,9 +103,10 @@ class Cable(ActuatorTerm):
         """Places of its points at the last evaluation [m], shape (k + 1, 3)."""
         return self._places
 
-    def path(self, x: FloatArray) -> FloatArray:
-        """Return its points at `x` [m], shape (k + 1, 3)."""
-        return self._points.places(x)
+    @property
+    def route(self) -> Embedding:
+        """Its points."""
+        return self._points
 
     def _measure(self, x: FloatArray) -> float:
         """Write length, directions, T and dV/dq at `x` [m], shape (n, 3); return V [J]."""

@@ -20,10 +20,12 @@ def picture(simulation: Simulation) -> dict[str, Any]:
     """Return what a page needs to draw a scene, as JSON has it: lengths in m, angles in rad.
 
     Keys: name, description, dt, parts (name, kind, first, count: nodes of the skin, in order), obstacles (vertices,
-    triangles, flat), held (points that never move), servos, effector, maze, ball (None where the scene has none), note.
+    triangles, flat), held (points that never move), joints (names of all that is commanded but the slide), cables
+    (name, nodes, weights, fixed, see `Embedding`), servos, effector, maze, ball (None where the scene has none), note.
     """
     scene = simulation.scene
     (obstacles, note), effector = _obstacles(simulation), effector_of(scene)
+    cables, not_drawn = _cables(simulation)
     return {
         "name": scene.name,
         "description": scene.description,
@@ -32,11 +34,13 @@ def picture(simulation: Simulation) -> dict[str, Any]:
         "parts": _parts(simulation),
         "obstacles": obstacles,
         "held": _held(simulation),
+        "joints": [a.name for a in simulation.joints.actuators] if simulation.joints else [],
+        "cables": cables,
         "servos": _servos(simulation),
         "effector": {"radius": effector.radius, "height": DISC_HEIGHT} if effector else None,
         "maze": _maze(simulation),
         "ball": {"radius": scene.ball.radius} if scene.ball else None,
-        "note": note,
+        "note": "; ".join(filter(None, (note, not_drawn))),
     }
 
 
@@ -69,6 +73,23 @@ def _obstacles(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
             }
         )
     return found, ""
+
+
+def _cables(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
+    """Return the points of each cable by nodes of the skin, and a note."""
+    if not (routes := simulation.routes):
+        return [], ""
+    if simulation.skin is not simulation.mesh:
+        return [], "cables are not drawn beside bodies of springs"
+    return [
+        {
+            "name": name,
+            "nodes": route.nodes.tolist(),
+            "weights": np.round(route.weights, 9).tolist(),
+            "fixed": np.round(route.fixed, 9).tolist(),
+        }
+        for name, route in routes.items()
+    ], ""
 
 
 def _held(simulation: Simulation) -> list[list[float]]:

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
+from tripod_view.cable import TAUT_COLOUR, Route, radius, tube
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import Shape, ball, box, disc
@@ -32,6 +34,12 @@ OBSTACLE, MAZE, GOAL, BALL, BELT = (
 
 DISC_HEIGHT = 0.006
 """Of an effector's disc [m]."""
+
+QUANTITIES = {**POSITION_UNITS, **EFFORT_UNITS}
+"""Of actuators that are no servos, by the units of their commands."""
+
+RETURNED = {"m": "tension", "m³": "pressure", "N": "displacement", "Pa": "volume"}
+"""What these give in return."""
 
 RATE = 50.0
 """Most pictures a second."""
@@ -63,14 +71,15 @@ SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "effector": (STEPS, 7), "angles": (STEPS, None), "torques": (STEPS, None), "slide": (STEPS,), "ball": (STEPS, 7),
     "rigid": (STEPS, None, 7), "triangles": (None, 3), "bodies": (None,), "arms": (None, 13),
     "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
-    "maze_goal": (4,), "event_times": (None,),
+    "maze_goal": (4,), "event_times": (None,), "actuator_positions": (STEPS, None), "actuator_efforts": (STEPS, None),
+    "cable_points": (None,), "cable_nodes": (None, None), "cable_weights": (None, None), "cable_fixed": (None, 3),
 }  # fmt: skip
 """Shapes of the arrays of numbers; None: any length."""
 
 MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name != "time")
 """Arrays that have a row for each time."""
 
-WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles")
+WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points", "cable_nodes")
 """Arrays of whole numbers."""
 
 
@@ -107,7 +116,7 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
         description=str(scene.get("description", "")),
         source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * dt:.4g} ms; no robot was moved.",
         times=times,
-        bodies=tuple(_bodies(arrays, shown[steps], scene)),
+        bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
@@ -197,6 +206,51 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     return found
 
 
+def _cables(arrays: Arrays, steps: NDArray[np.int64]) -> list[Deforming]:
+    """Return cables as tubes, thin where slack."""
+    if "cable_names" not in arrays:
+        return []
+    nodes = np.asarray(arrays["positions"], float)[steps]
+    extent = float(np.ptp(nodes[0], axis=0).max())
+    found, ends = list[Deforming](), np.cumsum(arrays["cable_points"])
+    if not len(ends) or ends[-1] != len(arrays["cable_fixed"]) or len(ends) != len(arrays["cable_names"]):
+        raise FilmError(
+            "cable_points: they must sum up to the rows of cable_fixed, one for each of cable_names"
+        )
+    forces = {
+        name: force
+        for name, unit, values, back in _actuators(arrays)
+        for force in (values if unit == "N" else back,)
+    }
+    for name, end, count in zip(arrays["cable_names"].tolist(), ends, arrays["cable_points"], strict=True):
+        own = slice(end - count, end)
+        try:
+            route = Route(name, *(arrays[f"cable_{part}"][own] for part in ("nodes", "weights", "fixed")))
+        except ValueError as error:
+            raise FilmError(f"cable_nodes: {error}") from None
+        if not route.fits(nodes.shape[1]):
+            raise FilmError(f"cable_nodes: a film needs nodes 0 to {nodes.shape[1] - 1}")
+        radii = radius(extent, forces[name][steps] if name in forces else np.ones(len(steps)))
+        found.append(
+            Deforming(f"cable {name}", route.triangles, tube(route.points(nodes), radii), TAUT_COLOUR)
+        )
+    return found
+
+
+def _actuators(arrays: Arrays) -> list[tuple[str, str, FloatArray, FloatArray]]:
+    """Return of each actuator that is no servo its name, the unit of its command, the commands, shape (k,), and what it
+    gave in return.
+    """
+    found = []
+    for i, (name, unit) in enumerate(
+        zip(arrays.get("actuator_names", ()), arrays.get("actuator_units", ()), strict=False)
+    ):
+        position, effort = (arrays[f"actuator_{kind}"][:, i] for kind in ("positions", "efforts"))
+        pair = (effort, position) if unit in EFFORT_UNITS else (position, effort)
+        found.append((str(name), str(unit), *pair))
+    return found
+
+
 def _rigid_names(scene: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the names of a scene's rigid bodies, such as `ball`, or `box 1` and `box 2`; then that of its own ball."""
     kinds = [str(body.get("shape", "box")) for body in scene["rigid"]]
@@ -255,6 +309,13 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         stall = _number(scene, "servo_dynamics", "stall_torque", default=0.0)
         limits = (stall, -stall) if stall else ()
         found.append(Curve("servo torques", "N m", servos, arrays["torques"][steps], limits))
+    others = _actuators(arrays)
+    for kind in dict.fromkeys(unit for _, unit, *_ in others):
+        names = tuple(name for name, unit, *_ in others if unit == kind)
+        sides = [np.stack([row[k][steps] for row in others if row[1] == kind], axis=1) for k in (2, 3)]
+        (factor, shown), (back, given) = SHOWN.get(kind, (1.0, kind)), ANSWERS.get(kind, (1.0, ""))
+        found.append(Curve(QUANTITIES.get(kind, "command"), shown, names, factor * sides[0]))
+        found.append(Curve(RETURNED.get(kind, "answer"), given, names, back * sides[1]))
     if "effector" in arrays:
         found.append(Curve("effector", "mm", ("x", "y", "z"), 1e3 * arrays["effector"][steps][:, :3]))
     if "rigid" in arrays:

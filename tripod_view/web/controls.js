@@ -1,4 +1,4 @@
-// Buttons of the simulation, sliders of the servos with their torques, the target.
+// Buttons of the simulation, sliders of the joints with what these give in return, the target.
 
 import { listen, send, value } from "./channel.js";
 import { button, element, place, section, setText, showLines } from "./dom.js";
@@ -6,7 +6,7 @@ import { button, element, place, section, setText, showLines } from "./dom.js";
 const STEP = 0.5; // of the sliders [degrees]
 
 export function controls() {
-  return place(element("div"), [simulation(), servos(), target()]);
+  return place(element("div"), [simulation(), joints(), target()]);
 }
 
 function simulation() {
@@ -39,18 +39,17 @@ function withClass(name, made) {
   return made;
 }
 
-function servos() {
+function joints() {
   const drive = button("Drive by sliders and keys", () => send({ press: "TELEOP" }), "Key t");
   drive.id = "drive";
   const follow = withClass("target", button("Follow the green target", () => send({ press: "IK" }), "Key i"));
   const rows = element("div");
-  listen("range", (range) => { // a slider for each servo; those of a scene that had more are hidden
-    while (rows.children.length < range.length) rows.append(servo(rows.children.length));
+  listen("range", (range) => { // a slider for each joint; those of a scene that had more are hidden
+    while (rows.children.length < range.length) rows.append(joint(rows.children.length));
     [...rows.children].forEach((row, i) => (row.style.display = i < range.length ? "" : "none"));
   });
   const slide = slideRow();
-  const work = button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a");
-  listen("kinds", (kinds) => (work.style.display = kinds.some((kind) => kind.servo) ? "" : "none"));
+  const work = withClass("servos", button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a"));
   const motions = place(element("div", { class: "row" }), [
     work,
     button("Park", () => send({ press: "park" }), "A slow motion; key p"),
@@ -60,8 +59,14 @@ function servos() {
     follow.classList.toggle("on", own && mode === "IK");
   });
   const choice = place(element("div", { class: "row" }), [drive, follow]);
-  const note = element("p", { class: "small" }, "Keys: arrows and + - move servos, 0 to 9 choose that of + -, t drive, i follow, a working pose, p park, Space or Esc STOP.");
-  return withClass("servos", section("servos", "Servos", [choice, rows, slide, motions, note]));
+  const note = element("p", { class: "small" });
+  const card = section("joints", "Servos", [choice, rows, slide, motions, note]);
+  listen("kinds", (kinds) => { // of servos alone, or of any actuators
+    const all = kinds.every((kind) => kind.servo), some = kinds.some((kind) => kind.servo);
+    setText(card.querySelector("summary"), all ? "Servos" : "Actuators");
+    setText(note, `Keys: arrows and + - move ${all ? "servos" : "actuators"}, 0 to 9 choose that of + -, t drive, i follow, ${some ? "a working pose, " : ""}p park, Space or Esc STOP.`);
+  });
+  return withClass("joints", card);
 }
 
 // A slider moves as long as a hand holds it; else it shows what is asked for.
@@ -69,11 +74,11 @@ function held(input) {
   let down = false;
   input.addEventListener("pointerdown", () => (down = true));
   for (const name of ["pointerup", "pointercancel", "blur"]) input.addEventListener(name, () => (down = false));
-  input.addEventListener("pointerup", () => input.blur()); // the arrows move servos again
+  input.addEventListener("pointerup", () => input.blur()); // the arrows move joints again
   return () => down;
 }
 
-function servo(i) {
+function joint(i) {
   const row = element("div", { class: "servo" });
   const slider = element("input", { type: "range", step: STEP, "aria-label": `servo ${i} (degrees)`, disabled: "" });
   const number = element("input", { type: "number", step: STEP, "aria-label": `servo ${i}, typed (degrees)`, disabled: "" });
@@ -142,8 +147,7 @@ function slideRow() {
     setText(text, joints.slide === null ? "not known" : `${joints.slide.toFixed(1)} mm`);
   });
   const row = element("div", { class: "servo slide", title: "All servo bodies move inward; the real robot has no such motor" });
-  listen("kinds", (kinds) => (row.style.display = kinds.some((kind) => kind.servo) ? "" : "none"));
-  return place(row, [element("label", {}, "slide"), slider, text]);
+  return withClass("servos", place(row, [element("label", {}, "slide"), slider, text]));
 }
 
 function target() {

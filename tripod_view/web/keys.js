@@ -6,7 +6,7 @@ const REPEAT = 100; // the node takes keys as released if it hears nothing for 3
 const MOVES = {
   ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1],
 };
-const SIGNS = { "+": 1, "=": 1, "-": -1, _: -1 }; // of the chosen servo
+const SIGNS = { "+": 1, "=": 1, "-": -1, _: -1 }; // of the chosen joint
 const PRESSES = { t: "TELEOP", b: "TELEOP", i: "IK", a: "working pose", p: "park" };
 
 export function keys() {
@@ -14,7 +14,7 @@ export function keys() {
   let chosen = 2;
   const tell = () => {
     const signs = (value("range") ?? []).map(() => 0);
-    for (const [servo, sign] of down.values()) if (servo < signs.length) signs[servo] = Math.sign(signs[servo] + sign);
+    for (const [joint, sign] of down.values()) if (joint < signs.length) signs[joint] = Math.sign(signs[joint] + sign);
     send({ keys: signs });
   };
   setInterval(() => down.size && tell(), REPEAT);
@@ -33,7 +33,7 @@ export function keys() {
       event.stopPropagation();
       return;
     }
-    if (event.altKey || event.metaKey || typing(event.target) || !value("scene")?.servos) return;
+    if (event.altKey || event.metaKey || typing(event.target) || !value("scene")?.joints) return;
     const move = event.key in SIGNS ? [chosen, SIGNS[event.key]] : MOVES[event.key];
     if (/^[0-9]$/.test(event.key) && Number(event.key) < (value("range") ?? []).length) {
       chosen = Number(event.key);

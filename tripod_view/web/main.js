@@ -11,7 +11,7 @@ import { noPicture, start } from "./start.js";
 import { status } from "./status.js";
 
 const panel = element("aside", { id: "panel", "aria-label": "Controls" });
-const stop = element("button", { id: "stop", title: "All commands off: the servos hold, then park (Space, Esc)" }, "STOP");
+const stop = element("button", { id: "stop", title: "All commands off: the robot holds, then parks (Space, Esc)" }, "STOP");
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
 place(panel, [status(), controls(), replay(), cards(), plots()]);
@@ -21,8 +21,12 @@ keys();
 // What a scene has decides which controls there are: classes of the body, which the style sheet heeds.
 listen("scene", (scene) => {
   document.title = scene.name ? `${scene.name} - Tripod` : "Tripod";
-  for (const name of ["servos", "target", "ball", "maze", "known"]) {
+  for (const name of ["joints", "target", "ball", "maze", "known"]) {
     document.body.classList.toggle(`has-${name}`, Boolean(scene[name]));
   }
+});
+listen("kinds", (kinds) => { // of servos and of other joints each
+  document.body.classList.toggle("has-servos", kinds.some((kind) => kind.servo));
+  document.body.classList.toggle("has-others", kinds.some((kind) => !kind.servo));
 });
 listen("connected", (connected) => document.body.classList.toggle("lost", !connected));

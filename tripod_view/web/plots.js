@@ -1,4 +1,4 @@
-// The last 20 s of the servos' angles and of the real-time factor.
+// The last 20 s of the joints and of the real-time factor.
 
 import { listen, value } from "./channel.js";
 import { element, place, section } from "./dom.js";
@@ -8,15 +8,24 @@ const LEFT = 74, EDGE = 12, LINE = 22; // of the numbers beside the curves, abov
 
 export function plots() {
   const angles = plot("servo angles (°)", "only-servos");
+  const others = plot("other actuators (% of their ranges)", "only-others");
   const factor = plot("simulated / real time", "");
   listen("joints", (joints) => joints.angles && angles.add(turning(joints.angles), value("colours") ?? [], ...span()));
+  listen("joints", (joints) => joints.angles && others.add(shares(joints.angles), value("colours") ?? [], 0, 100));
   listen("run", (run) => run && factor.add([run.factor], ["#2f9e44"], 0, 1.5));
-  return section("plots", "Plots", [angles.node, factor.node], false);
+  return section("plots", "Plots", [angles.node, others.node, factor.node], false);
 }
 
 // Of values of all joints those of the servos, which come first.
 function turning(values) {
   return values.filter((_, i) => value("kinds")?.[i]?.servo ?? true);
+}
+
+// Of values of all joints those of the others, which have different units.
+function shares(values) {
+  const range = value("range") ?? [];
+  const share = (v, i) => 100 * (v - range[i][0]) / (range[i][1] - range[i][0]);
+  return values.flatMap((v, i) => (range[i] && !(value("kinds")?.[i]?.servo ?? true) ? [share(v, i)] : []));
 }
 
 function span() {

@@ -22,7 +22,7 @@ export function start() {
   const watch = button("Just watch", () => box.remove());
   watch.className = "quiet";
   const show = () => {
-    const scene = value("scene") ?? {}, by = scene.servos ? MOVED[value("mode")?.mode] : undefined;
+    const scene = value("scene") ?? {}, by = scene.joints ? MOVED[value("mode")?.mode] : undefined;
     setText(moved, by ? `${by} ${taken(scene)}` : "");
     setText(begin, by && !scene.maze ? "Take over and move it" : label(scene));
     setText(watch, by ? "Just watch" : "Just watch");
@@ -30,7 +30,7 @@ export function start() {
   };
   listen("scene", (scene) => {
     setText(title, scene.name || "Tripod");
-    const there = scene.known || scene.servos;
+    const there = scene.known || scene.joints;
     setText(text, scene.description || (there ? "" : "Waiting for the simulator: it may compile for a minute the first time."));
     begin.style.display = there ? "" : "none";
     show();
@@ -48,17 +48,23 @@ export function noPicture() {
 
 function label(scene) {
   if (scene.maze) return "Play: tilt the maze";
-  if (scene.servos) return "Move the robot";
+  if (scene.joints) return "Move the robot";
   return "Watch it from the start";
 }
 
 function taken(scene) {
   if (scene.maze) return "Playing ends that.";
+  if (!works()) return "Taking over ends that.";
   return "Taking over ends that, and the robot goes slowly to its working pose.";
 }
 
 function actions(scene) {
   if (!scene) return [];
-  if (!scene.servos) return [{ sim: "reset" }];
-  return [{ press: "working pose" }];
+  if (!scene.joints) return [{ sim: "reset" }];
+  return [{ press: works() ? "working pose" : "TELEOP" }];
+}
+
+// Whether there is a working pose: one of servos.
+function works() {
+  return (value("kinds") ?? []).some((kind) => kind.servo);
 }
