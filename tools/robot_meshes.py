@@ -1,7 +1,7 @@
-"""Write the meshes of the scenes `finger_cable`, `finger_pneumatic` and `diamond`: `python -m tools.robot_meshes`.
+"""Write the meshes of the scenes with cables and air: `python -m tools.robot_meshes`.
 
-The cells are hexahedra, in GiD's text format, in millimetres. The sizes are our own, except reach,
-height and pull points of the diamond: those of the example of SOFA's plugin SoftRobots [Duriez2013].
+The cells are hexahedra, in GiD's text format, in millimetres. The sizes of the fingers are our own. Those of the diamond
+and the trunk are measured on the examples Diamond and Trunk of SOFA's plugin SoftRobots [Duriez2013].
 """
 
 from collections.abc import Callable
@@ -78,40 +78,61 @@ def finger_pneumatic() -> Cells:
     return grid([x, [2.0, 6.0, 4.0, 6.0, 2.0], [1.0, 1.0, 3.0, 2.0, 8.0, 2.0]], filled, (0.0, -10.0, 0.0))
 
 
+LEG = (
+    ((14.0, -9.6), (14.0, -37.0), 14.0),
+    ((36.0, -9.0), (43.0, -34.0), 14.0),
+    ((57.0, 10.0), (74.0, -19.0), 13.0),
+    ((66.0, 19.0), (80.5, -4.0), 12.0),
+    ((75.0, 27.0), (86.0, 11.0), 11.4),
+    ((82.0, 34.5), (91.5, 25.0), 10.9),
+    ((87.5, 41.0), (95.0, 36.5), 10.4),
+    ((89.5, 47.0), (97.0, 45.0), 10.0),
+    ((88.3, 50.5), (94.8, 53.5), 10.2),
+    ((84.5, 53.5), (88.5, 58.5), 10.6),
+    ((77.0, 57.0), (81.0, 63.5), 11.0),
+    ((66.0, 61.0), (72.5, 71.5), 11.7),
+    ((56.0, 65.0), (64.0, 78.5), 12.5),
+    ((46.0, 69.0), (55.0, 86.0), 13.2),
+    ((38.0, 75.0), (45.0, 94.0), 13.8),
+    ((31.5, 88.0), (36.0, 102.5), 14.0),
+    ((25.0, 97.5), (29.0, 107.0), 14.0),
+    ((17.0, 103.0), (19.5, 113.0), 14.0),
+    ((14.0, 107.0), (14.0, 125.0), 14.0),
+)
+"""Sections of a leg of the diamond, from foot to head: inner and outer edge in the plane r, z, half the width [mm]."""
+
+
 def diamond() -> Cells:
-    """Return four curved legs between a foot and a head: elbows 97 mm from the axis, the top 125 mm high."""
-    half, thick, elbow, top = 12.0, 24.0, 97.0, 125.0
-    across, over = np.linspace(-half, half, 3), np.linspace(-thick / 2, thick / 2, 3)
-    far = (4 * elbow - half) / 3
-    ends = np.array([[half, thick / 2], [far, thick / 2], [far, top - thick / 2], [half, top - thick / 2]])
-    t = np.linspace(0.0, 1.0, 17)[:, None]
-    bends = [
-        (1 - t) ** 3,
-        3 * t * (1 - t) ** 2,
-        3 * t**2 * (1 - t),
-        t**3,
-    ]  # a cubic Bézier curve in the plane r, z
-    path = np.sum([b * end for b, end in zip(bends, ends, strict=True)], axis=0)
-    lean = np.gradient(path, axis=0)
-    lean[0], lean[-1] = (1, 0), (-1, 0)
-    lean /= np.linalg.norm(lean, axis=1)[:, None]
-    normal = np.stack([-lean[:, 1], lean[:, 0]], axis=1)
-    rz = path[:, None, :] + over[None, :, None] * normal[:, None, :]  # (sections, 3, 2)
-    leg = np.empty((len(path), 3, 3, 3))
-    leg[..., 0], leg[..., 2] = rz[:, None, :, 0], rz[:, None, :, 1]
-    leg[..., 1] = across[None, :, None]
-    parts = list[Cells]()
+    """Return four bent legs between a foot and a head: elbows 97 mm from the axis, thin there and below the head."""
+    edges, half = np.array([section[:2] for section in LEG]), np.array([section[2] for section in LEG])
+    leg = np.empty((len(LEG), 2, 2, 3))
+    leg[..., 0], leg[..., 2] = edges[:, None, ::-1, 0], edges[:, None, ::-1, 1]
+    leg[..., 1] = half[:, None, None] * np.array([-1.0, 1.0])[None, :, None]
+    one, parts = np.ones((1, 1, 1), bool), list[Cells]()
     for cos, sin in ((1, 0), (0, 1), (-1, 0), (0, -1)):
         turned = leg.copy()
         turned[..., 0], turned[..., 1] = (
             cos * leg[..., 0] - sin * leg[..., 1],
             sin * leg[..., 0] + cos * leg[..., 1],
         )
-        parts.append(lattice(turned, np.ones((len(path) - 1, 2, 2), bool)))
-    for low in (0.0, top - thick):
-        block = np.stack(np.meshgrid(across, across, low + over + thick / 2, indexing="ij"), axis=-1)
-        parts.append(lattice(block, np.ones((2, 2, 2), bool)))
+        parts.append(lattice(turned, np.ones((len(LEG) - 1, 1, 1), bool)))
+    for (low, high), width in ((sorted(edges[k, :, 1]), half[k]) for k in (0, -1)):
+        x = np.array([-width, width])
+        parts.append(lattice(np.stack(np.meshgrid(x, x, [low, high], indexing="ij"), axis=-1), one))
     return joined(parts)
+
+
+def trunk() -> Cells:
+    """Return eleven square discs on a core that tapers over 195 mm, of about the area of the circles in the example."""
+    z = np.array([0.0, *(z + 17.5 * k for k in range(10) for z in (21.0, 27.0)), 195.0])
+    core, disc = 4.3 - 2.0 * z / 195, 11.4 - 7.1 * z / 195
+    lines = np.column_stack([-disc, -core, core, disc])  # (22, 4)
+    points = np.empty((22, 4, 4, 3))
+    points[..., 0], points[..., 1] = lines[:, :, None], lines[:, None, :]
+    points[..., 2] = -z[:, None, None]
+    filled = np.ones((21, 3, 3), bool)
+    filled[1::2], filled[1::2, 1, 1] = False, True  # notches
+    return joined([lattice(points[::-1].transpose(1, 2, 0, 3), filled[::-1].transpose(1, 2, 0))])
 
 
 def text(cells: Cells) -> str:
@@ -128,7 +149,7 @@ def text(cells: Cells) -> str:
     return "\n".join([*lines, "End Elements", ""])
 
 
-MESHES = {"finger_cable": finger_cable, "finger_pneumatic": finger_pneumatic, "diamond": diamond}
+MESHES = {"finger_cable": finger_cable, "finger_pneumatic": finger_pneumatic, "diamond": diamond, "trunk": trunk}
 
 
 def main() -> None:

@@ -35,26 +35,26 @@ def test_four_equal_cables_lift_the_diamond_straight_and_one_more_leans_it_away(
     still = moved(led("diamond", {}))
     lifted = led("diamond", {north: 0.01, south: 0.01, **sides})
     assert moved(lifted)[:2] == pytest.approx([0.0, 0.0], abs=1e-6)
-    assert moved(lifted)[2] - still[2] == pytest.approx(0.01276, abs=0.0003)
+    assert moved(lifted)[2] - still[2] == pytest.approx(0.0191, abs=0.0003)
     assert lifted.efforts == pytest.approx(lifted.efforts.mean(), rel=1e-4)
     one = moved(led("diamond", {north: 0.012, south: 0.008, **sides}))
     other = moved(led("diamond", {north: 0.008, south: 0.012, **sides}))
-    assert one[1] == pytest.approx(-0.0057, abs=0.0003)
+    assert one[1] == pytest.approx(-0.0064, abs=0.0003)
     assert one * [1, -1, 1] == pytest.approx(other, abs=1e-6)
 
 
 def test_opposite_cables_of_the_trunk_mirror_each_other() -> None:
     north, south = (moved(led("trunk", {one: 0.02, f"{one}_half": 0.005})) for one in ("north", "south"))
-    assert north[1] > 0.05
+    assert north[1] == pytest.approx(0.0481, abs=0.0005)
     assert north * [1, -1, 1] == pytest.approx(south, abs=1e-7)
     east = moved(led("trunk", {"east": 0.02, "east_half": 0.005}))
     assert east[[1, 0, 2]] == pytest.approx(north, abs=1e-7)
 
 
-def test_the_half_cables_of_the_trunk_bend_its_upper_half_more() -> None:
+def test_the_half_cables_of_the_trunk_move_its_middle_more() -> None:
     ends = [led("trunk", {one: 0.01}) for one in ("north", "north_half")]
     z = ends[0].mesh.nodes[:, 2]
-    middle = np.abs(z + 0.0975) < 1e-6
+    middle = np.abs(z + 0.097) < 1e-6
     long, half = (simulation.positions[middle, 1].mean() for simulation in ends)
     assert half > 1.5 * long
 
@@ -73,7 +73,7 @@ def test_the_two_cables_of_the_finger_bend_it_and_their_difference_swings_it() -
     [
         ("finger_cable", {"left": 0.01, "right": 0.01}, 0.03),
         ("finger_pneumatic", {"air": 10e3}, 0.25),
-        ("diamond", {"north": 0.02, "west": 0.01, "east": 0.01}, 0.12),
+        ("diamond", {"north": 0.02, "west": 0.01, "east": 0.01}, 0.06),
         ("trunk", {"north": 0.02}, 0.15),
     ],
 )

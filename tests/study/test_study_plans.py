@@ -24,7 +24,7 @@ from tripod_study.motion import scene_of
 SLOW = ("ik",)
 """Studies of which one point is enough."""
 
-LONG = ("cloth", "drape")
+LONG = ("cloth", "drape", "finger_pneumatic", "trunk", "finger_cable", "diamond")
 """Studies whose motion is cut short: steps take long."""
 
 
