@@ -106,10 +106,8 @@ def parse_calibration(text: str) -> Calibration:
     found = _mapping(servos, "servos", names)
     if missing := [name for name in names if name not in found]:
         raise CalibrationError(f"servos.{missing[0]} is missing; all of {', '.join(names)} are needed")
-    return Calibration(
-        tuple(ServoCalibration(**_values(f"servos.{name}", found[name], ServoCalibration)) for name in names),
-        channels,
-    )
+    rows = [ServoCalibration(**_values(f"servos.{name}", found[name], ServoCalibration)) for name in names]
+    return Calibration(tuple(rows), channels)
 
 
 def read_calibration(path: Path) -> Calibration:

@@ -76,10 +76,10 @@ class FramedSession(Session):
 
     Only a board of this protocol version, with as many servos as the calibration, a range of pulses that covers it, and
     its channels, becomes ready. A packet is a frame of pulses, if there are servos, else a hello, and one of the
-    channels' set-points, if there are channels. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog, is an
-    incident, and so is an earlier reset by its supply or a hung firmware. Unanswered frames were lost, they or
-    their answers. What the board heard and was never sent, as its replies tell or a gap before a frame whose forerunner
-    it has answered, is someone else's.
+    channels' set-points, if there are channels. After that, silence for `SILENCE` ends the conversation; a reset of the
+    board, or its watchdog, is an incident, and so is an earlier reset by its supply or a hung firmware. Unanswered
+    frames were lost, they or their answers. What the board heard and was never sent, as its replies tell or a gap
+    before a frame whose forerunner it has answered, is someone else's.
     """
 
     name = "framed"
@@ -288,20 +288,23 @@ class FramedSession(Session):
             case _:
                 self._echo = True  # what a host says: the port returns what is written to it
 
+    def _take_hello_again(self, sequence: int, reply: HelloReply, now: float) -> None:
+        """Take the answer to a hello that was said to a board that is ready."""
+        if sequence in self._late:
+            self._late.remove(sequence)
+            self._answered = sequence
+        elif not self._answers(sequence, now):
+            self._suspect(now)
+        elif reply.flags & Flags.RESTARTED:
+            self._restart(now)
+        elif not self._calibration.servos:
+            self._take_watchdog(reply.flags)
+        elif 0 not in reply.pulses:
+            self._hear_servos(reply.pulses)
+
     def _take_hello(self, sequence: int, reply: HelloReply, now: float) -> None:
         if self.state is SessionState.READY:
-            if sequence in self._late:
-                self._late.remove(sequence)
-                self._answered = sequence
-            elif not self._answers(sequence, now):
-                self._suspect(now)
-            elif reply.flags & Flags.RESTARTED:
-                self._restart(now)
-            else:
-                if self._calibration.channels:
-                    self._take_watchdog(reply.flags)
-                if self._calibration.servos and 0 not in reply.pulses:
-                    self._hear_servos(reply.pulses)
+            self._take_hello_again(sequence, reply, now)
             return
         if self._greeted or not self._answers(sequence, now):
             return  # of an earlier conversation

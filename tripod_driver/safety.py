@@ -244,7 +244,7 @@ class Safety:
         self._follower.joints = self._stand(values)
 
     def _stand(self, values: Sequence[float]) -> FloatArray:
-        """Take the place of the joints, shape (n,); return the nearest within limits, with the slide, shape (n + 1,)."""
+        """Take the place of the joints, shape (n,); return the nearest within limits, shape (n + 1,)."""
         self._output, self._moved_at = np.array(values, float), None
         joints = self._follower.joints.copy()
         joints[:-1] = self._within(values)

@@ -28,8 +28,8 @@ def choose_port(
 ) -> Port:
     """Return the port for `word`: one of CHOICES. The settings are those of a serial port.
 
-    Behind `mock` is a board with so many `servos`, and these `channels` with all winches at home. It answers in protocol
-    `framed` and is silent in others.
+    Behind `mock` is a board with so many `servos`, and these `channels` with all winches at home. It
+    answers in protocol `framed` and is silent in others.
 
     Raises:
         ValueError: `word` is none of them.

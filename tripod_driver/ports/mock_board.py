@@ -9,7 +9,6 @@ from tripod_driver.framed_messages import (
     Acknowledgement,
     BoardState,
     ChannelDescription,
-    ChannelFlags,
     ChannelKind,
     ChannelStates,
     DescribeChannel,
@@ -144,30 +143,38 @@ class MockBoard:
 
     def _answer_channels(self, message: DescribeChannel | SetChannels | HomeChannel | GetChannels) -> Message:
         channels, kind = self.channels.all, TYPES[type(message)]
-        if not channels:
-            return Error(ErrorCode.TYPE, kind, kind)
+        if wrong := self._why_not(message, kind):
+            return wrong
         match message:
-            case DescribeChannel(i) if i < len(channels):
+            case DescribeChannel(i):
                 what = channels[i].kind
                 limits = mock_channels.HIGHEST[what], mock_channels.SLEW[what]
                 return ChannelDescription(len(channels), i, what, *limits)
-            case HomeChannel(i) if i < len(channels) and channels[i].kind is ChannelKind.WINCH:
+            case HomeChannel(i):
                 channels[i].home()
                 self.channels.keep()
-            case DescribeChannel(i) | HomeChannel(i):
-                return Error(ErrorCode.CHANNEL, kind, i)
-            case SetChannels(targets) if len(targets) != len(channels):
-                return Error(ErrorCode.LENGTH, kind, 2 * len(targets))
             case SetChannels(targets):
-                for i, (channel, target) in enumerate(zip(channels, targets, strict=True)):
-                    if target > mock_channels.HIGHEST[channel.kind]:
-                        return Error(ErrorCode.CHANNEL, kind, i)
-                    if not channel.flags & ChannelFlags.KNOWN and target != channel.target:
-                        return Error(ErrorCode.PLACE, kind, i)
                 for channel, target in zip(channels, targets, strict=True):
                     channel.set(target)
                 self.channels.keep()
         return ChannelStates(tuple(channel.state for channel in channels))
+
+    def _why_not(self, message: Message, kind: int) -> Error | None:
+        """Return why a message on channels is refused."""
+        channels = self.channels.all
+        winches = [i for i, channel in enumerate(channels) if channel.kind is ChannelKind.WINCH]
+        if not channels:
+            return Error(ErrorCode.TYPE, kind, kind)
+        match message:
+            case DescribeChannel(i) if i >= len(channels):
+                return Error(ErrorCode.CHANNEL, kind, i)
+            case HomeChannel(i) if i not in winches:
+                return Error(ErrorCode.CHANNEL, kind, i)
+            case SetChannels(targets) if len(targets) != len(channels):
+                return Error(ErrorCode.LENGTH, kind, 2 * len(targets))
+            case SetChannels(targets) if wrong := self.channels.refusal(targets):
+                return Error(wrong[0], kind, wrong[1])
+        return None
 
     def _taken_flags(self) -> Flags:
         flags, self._flags = self._flags, Flags(0)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from tripod_driver.framed_messages import ChannelFlags, ChannelKind, ChannelState
+from tripod_driver.framed_messages import ChannelFlags, ChannelKind, ChannelState, ErrorCode
 
 PERIOD: Final = 0.02
 """Between two changes of the set-points [s]."""
@@ -145,6 +145,15 @@ class MockChannels:
     def keep(self) -> None:
         """The host said what keeps the channels."""
         self._kept_at = self._clock()
+
+    def refusal(self, targets: Sequence[int]) -> tuple[ErrorCode, int] | None:
+        """Return why these targets are refused, and the channel; None: they are taken."""
+        for i, (channel, target) in enumerate(zip(self.all, targets, strict=True)):
+            if target > HIGHEST[channel.kind]:
+                return ErrorCode.CHANNEL, i
+            if not channel.flags & ChannelFlags.KNOWN and target != channel.target:
+                return ErrorCode.PLACE, i
+        return None
 
     def advance(self) -> bool:
         """Let time pass; return whether the host was silent for the time of the watchdog."""
