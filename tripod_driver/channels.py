@@ -13,6 +13,7 @@ from tripod_driver.framed_messages import (
     GetChannels,
     HomeChannel,
     Message,
+    SetChannels,
 )
 
 HOME_ADVICE: Final = "clear the way of the cables, then: ros2 service call /robot/home std_srvs/srv/Trigger"
@@ -130,12 +131,9 @@ class Channels:
 
     def to_home(self, *, begin: bool) -> list[Message]:
         """Return what lets homing begin, of all winches that need it, or continue."""
-        wanted = [
-            i
-            for i, state in enumerate(self.states)
-            if (not state.flags & ChannelFlags.KNOWN if begin else state.flags & ChannelFlags.HOMING)
-        ]
-        return [HomeChannel(i) for i in wanted]
+        if not begin:  # another HomeChannel might begin again what has just ended
+            return [SetChannels(self.setpoints)] if self.homing else []
+        return [HomeChannel(i) for i, s in enumerate(self.states) if not s.flags & ChannelFlags.KNOWN]
 
     @property
     def unplaced(self) -> str:

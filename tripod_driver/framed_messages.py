@@ -176,7 +176,7 @@ class SetChannels:
 
 @dataclass(frozen=True)
 class HomeChannel:
-    """Host to board: move this winch slowly to its home switch; goes on only while this is repeated.
+    """Host to board: move this winch slowly to its home switch, as long as the host keeps the channels.
 
     Attributes:
         number: Of the channel.
