@@ -58,6 +58,11 @@ class Channels:
         return tuple(state.setpoint if state.flags & ChannelFlags.KNOWN else 0 for state in self.states)
 
     @property
+    def steps(self) -> tuple[float, ...]:
+        """Largest change of each joint in a period of the board, rounded up [m, Pa]."""
+        return tuple((slew + 1) * c.scale for slew, c in zip(self._slew, self._joints.values(), strict=True))
+
+    @property
     def kept(self) -> bool:
         """Whether the board lets a pressure go when it is told nothing."""
         pairs = zip(self._joints.values(), self.states, strict=False)

@@ -173,6 +173,11 @@ class FramedSession(Session):
         return content[: len(self._calibration.servos)]
 
     @property
+    def rounding(self) -> tuple[float, ...]:
+        """Of a channel, a period at the board's own rate: its replies tell set-points from before that."""
+        return (*super().rounding, *self._channels.steps)
+
+    @property
     def channel_values(self) -> tuple[float, ...]:
         """Where the joints are that are no servos [m, Pa]; of a winch that was not homed, as if it were at home."""
         return self._calibration.values(self._channels.setpoints)

@@ -110,9 +110,8 @@ class Session(ABC):
 
     @property
     def rounding(self) -> tuple[float, ...]:
-        """How well the joint values are known that the board tells [rad, m, Pa], shape (n,)."""
-        calibration = self._calibration
-        return (*(ROUNDED,) * len(calibration.servos), *(c.scale for c in calibration.channels.values()))
+        """How far what the board tells may be from what it does in its next period [rad, m, Pa], shape (n,)."""
+        return (ROUNDED,) * len(self._calibration.servos)
 
     @property
     def channel_values(self) -> tuple[float, ...]:
