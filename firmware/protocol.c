@@ -10,6 +10,7 @@ enum {
     DESCRIBE_CHANNEL = 0x05,
     SET_CHANNELS = 0x06,
     HOME_CHANNEL = 0x07,
+    GET_CHANNELS = 0x08,
     FROM_BOARD = 0x80,
     HELLO_REPLY = 0x81,
     ACKNOWLEDGEMENT = 0x82,
@@ -117,7 +118,7 @@ _Static_assert(HEADER_SIZE + 5 * CHANNEL_COUNT + CRC_SIZE <= BODY_MAX, "the stat
 static uint8_t *carry_out_channels(struct protocol *p, const uint8_t *payload, uint8_t size, uint8_t *type, uint8_t *at)
 {
     int first = payload[0];
-    if (size != (*type == SET_CHANNELS ? 2 * CHANNEL_COUNT : 1))
+    if (size != (*type == SET_CHANNELS ? 2 * CHANNEL_COUNT : *type == GET_CHANNELS ? 0 : 1))
         return error(at, type, ERROR_LENGTH, size);
     if (*type == SET_CHANNELS) {
         for (int i = 0; i < CHANNEL_COUNT; i++) {
@@ -128,6 +129,9 @@ static uint8_t *carry_out_channels(struct protocol *p, const uint8_t *payload, u
         }
         for (int i = 0; i < CHANNEL_COUNT; i++)
             channel_set(&p->channels[i], get16(payload + 2 * i));
+        p->since_channels = 0;
+    } else if (*type == GET_CHANNELS) {
+        // changes nothing, keeps nothing
     } else if (first >= (*type == HOME_CHANNEL ? WINCH_COUNT : CHANNEL_COUNT)) {
         return error(at, type, ERROR_CHANNEL, (uint16_t)first);
     } else if (*type == DESCRIBE_CHANNEL) {
@@ -139,8 +143,8 @@ static uint8_t *carry_out_channels(struct protocol *p, const uint8_t *payload, u
         return put16(at, channel_slew(first));
     } else {
         channel_home(&p->channels[first]);
+        p->since_channels = 0;
     }
-    p->since_channels = 0;
     *type = CHANNEL_STATES;
     for (int i = 0; i < CHANNEL_COUNT; i++) {
         *at++ = p->channels[i].flags;
@@ -158,7 +162,7 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
     if (body[0] != PROTOCOL_VERSION)
         return error(at, type, ERROR_VERSION, PROTOCOL_VERSION);
 #if HAS_CHANNELS
-    if (*type >= DESCRIBE_CHANNEL && *type <= HOME_CHANNEL)
+    if (*type >= DESCRIBE_CHANNEL && *type <= GET_CHANNELS)
         return carry_out_channels(p, payload, size, type, at);
 #endif
     if (*type < HELLO || *type > RELEASE)

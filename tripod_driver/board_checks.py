@@ -72,7 +72,7 @@ def why_not(reply: HelloReply, calibration: Calibration) -> str:
     if reply.protocol != VERSION:
         return other_version(reply.protocol)
     count, found = len(calibration.servos), reply.servo_count
-    if not found == count == len(reply.pulses):
+    if count and not found == count == len(reply.pulses):
         advice = (
             FLASH_ADVICE
             if count == SERVO_COUNT
@@ -92,9 +92,11 @@ def why_not(reply: HelloReply, calibration: Calibration) -> str:
 
 
 def why_not_from(position: Sequence[float], calibration: Calibration) -> str:
-    """Return why motion must not begin at these angles [rad], shape (s,); empty if it may."""
-    names = servo_names(len(calibration.servos))
-    for name, angle, low, high in zip(names, position, calibration.lower, calibration.upper, strict=True):
+    """Return why motion must not begin at these joint values, shape (n,), because of a servo; empty if it may."""
+    names = servo_names(
+        len(calibration.servos)
+    )  # a winch at home, or a vented chamber, may be beyond its range
+    for name, angle, low, high in zip(names, position, calibration.lower, calibration.upper, strict=False):
         if not low - STATE_SLACK <= angle <= high + STATE_SLACK:
             return (
                 f"{name} is at {angle:.3f} rad, outside its safe range of {low:g} to {high:g} rad: switch the "

@@ -1,14 +1,17 @@
-"""Joint angles [rad] to pulse widths [us] and back, servo by servo: the only place that knows both.
+"""Joint values to the numbers of the board and back, joint by joint: the only place that knows both.
 
 The shaft of servo i stands at s = offset + direction q when its joint is at q, both in radians, s within 0 to pi. Its
-pulse is linear in s: p = pulse_min + (pulse_max - pulse_min) s / pi.
+pulse is linear in s: p = pulse_min + (pulse_max - pulse_min) s / pi. The set-point of a winch or a pressure is
+zero + q / scale, for a length q [m] or a pressure q [Pa].
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from tripod_driver.framed_messages import ChannelKind
+from tripod_graph.joint import Joint
 from tripod_graph.names import SERVOS, servo_names
 
 ARDUINO_PULSES: Final = (544.0, 2400.0)
@@ -99,25 +102,150 @@ class ServoCalibration:
         return self.direction * ((workshop_angle - shift) / scale - (self.offset - math.pi))
 
 
+SETPOINT_MAX: Final = 65535
+"""Largest set-point that a message carries."""
+
+
+@dataclass(frozen=True)
+class WinchCalibration:
+    """How a winch pulls a cable. Its home switch closes where the cable is paid out; steps count from there.
+
+    Which way the motor turns is a matter of its plug and of the firmware's WINCH_REVERSED.
+
+    Attributes:
+        radius: Of the drum, with the cable on it [m].
+        steps: Of the motor in one turn of the drum.
+        zero: Set-point at which nothing is pulled in and the cable is just taut [steps].
+        safe_range: Smallest and largest length pulled in that may be sent [m].
+    """
+
+    radius: float = 5e-3
+    steps: float = 400.0
+    zero: float = 0.0
+    safe_range: tuple[float, float] = (0.0, 0.03)
+
+    def __post_init__(self) -> None:
+        _check_positive("radius", self.radius, "m")
+        _check_positive("steps", self.steps, "steps")
+        _check_channel(self)
+
+    @property
+    def kind(self) -> ChannelKind:
+        """What a channel of the board must drive for it."""
+        return ChannelKind.WINCH
+
+    @property
+    def unit(self) -> str:
+        """Of the joint."""
+        return "m"
+
+    @property
+    def scale(self) -> float:
+        """Length of a step [m]."""
+        return 2.0 * math.pi * self.radius / self.steps
+
+
+@dataclass(frozen=True)
+class PressureCalibration:
+    """How a pressure is measured.
+
+    Attributes:
+        scale: Pressure of one count of the board's sensor [Pa].
+        zero: Set-point at ambient pressure [counts].
+        safe_range: Smallest and largest pressure above ambient that may be sent [Pa].
+    """
+
+    scale: float = 50.0
+    zero: float = 0.0
+    safe_range: tuple[float, float] = (0.0, 20e3)
+
+    def __post_init__(self) -> None:
+        _check_positive("scale", self.scale, "Pa")
+        _check_channel(self)
+
+    @property
+    def kind(self) -> ChannelKind:
+        """What a channel of the board must drive for it."""
+        return ChannelKind.PRESSURE
+
+    @property
+    def unit(self) -> str:
+        """Of the joint."""
+        return "Pa"
+
+
+ChannelCalibration = WinchCalibration | PressureCalibration
+
+
+def _check_positive(name: str, value: float, unit: str) -> None:
+    if not 0 < value < math.inf:
+        raise CalibrationError(f"{name} is {value:g} {unit}; it must be positive")
+
+
+def _check_channel(channel: ChannelCalibration) -> None:
+    low, high = channel.safe_range
+    if not low < high:
+        raise CalibrationError(
+            f"safe_range[1] is {high:g} {channel.unit}; allowed: more than safe_range[0] {low:g} {channel.unit}"
+        )
+    for i, end in enumerate(channel.safe_range):
+        setpoint = channel.zero + end / channel.scale
+        if not -0.5 <= setpoint <= SETPOINT_MAX + 0.5:
+            raise CalibrationError(
+                f"safe_range[{i}] is {end:g} {channel.unit}, which is set-point {setpoint:.0f}; allowed: 0 to "
+                f"{SETPOINT_MAX}: correct zero or safe_range"
+            )
+
+
+def default_channel(joint: Joint) -> ChannelCalibration:
+    """Return the calibration of the board in memory for a joint. Raises CalibrationError: no channel takes its unit."""
+    safe = (joint.low, joint.high)
+    if joint.unit == "m":
+        kind = WinchCalibration()
+        return replace(kind, zero=max(0.0, -joint.low / kind.scale), safe_range=safe)
+    if joint.unit == "Pa":
+        return PressureCalibration(zero=max(0.0, -joint.low / PressureCalibration.scale), safe_range=safe)
+    raise CalibrationError(
+        f"{joint.name} is commanded by a {joint.quantity} [{joint.unit}]; a board drives angles, lengths [m] and "
+        "pressures [Pa]"
+    )
+
+
 @dataclass(frozen=True)
 class Calibration:
     """The calibration of the whole robot.
 
     Attributes:
         servos: One for each servo, in the order of their joints.
+        channels: Of the other joints by name, in the order of the board's channels: winches, then pressures.
     """
 
     servos: tuple[ServoCalibration, ...] = field(default=(ServoCalibration(),) * len(SERVOS))
+    channels: Mapping[str, ChannelCalibration] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all joints: the servos, then the channels."""
+        return (*servo_names(len(self.servos)), *self.channels)
 
     @property
     def lower(self) -> tuple[float, ...]:
-        """Smallest angles that may be sent [rad], shape (s,)."""
-        return tuple(servo.safe_range[0] for servo in self.servos)
+        """Smallest joint values that may be sent [rad, m, Pa], shape (n,)."""
+        return tuple(joint.safe_range[0] for joint in (*self.servos, *self.channels.values()))
 
     @property
     def upper(self) -> tuple[float, ...]:
-        """Largest angles that may be sent [rad], shape (s,)."""
-        return tuple(servo.safe_range[1] for servo in self.servos)
+        """Largest joint values that may be sent [rad, m, Pa], shape (n,)."""
+        return tuple(joint.safe_range[1] for joint in (*self.servos, *self.channels.values()))
+
+    def setpoints(self, values: Sequence[float]) -> tuple[int, ...]:
+        """Return the nearest set-points of the channels, shape (n - s,), for their joint values [m, Pa]."""
+        pairs = zip(self.channels.values(), values, strict=True)
+        return tuple(min(max(round(c.zero + value / c.scale), 0), SETPOINT_MAX) for c, value in pairs)
+
+    def values(self, setpoints: Sequence[int]) -> tuple[float, ...]:
+        """Return the joint values [m, Pa], shape (n - s,), of set-points of the channels."""
+        return tuple((s - c.zero) * c.scale for c, s in zip(self.channels.values(), setpoints, strict=True))
 
     def pulses(self, angles: Sequence[float]) -> tuple[float, ...]:
         """Return the pulse widths [us], shape (s,), for joint angles [rad], shape (s,)."""
@@ -142,4 +270,4 @@ class Calibration:
                 raise CalibrationError(
                     f"{name}: {error}; move its horn by one tooth and calibrate again"
                 ) from None
-        return Calibration(tuple(servos))
+        return replace(self, servos=tuple(servos))

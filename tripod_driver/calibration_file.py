@@ -2,13 +2,20 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Final
 
 import yaml
 
-from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
+from tripod_driver.calibration import (
+    Calibration,
+    CalibrationError,
+    ChannelCalibration,
+    PressureCalibration,
+    ServoCalibration,
+    WinchCalibration,
+)
 from tripod_graph.names import servo_names
 from tripod_host.reading import read_file
 
@@ -20,7 +27,12 @@ LARGEST_NUMBER: Final = 1e9
 LONGEST_QUOTE: Final = 24
 """Characters of a file that are quoted at most."""
 
-FIELDS: Final = tuple(field.name for field in fields(ServoCalibration))
+CHANNELS: Final[dict[str, type[WinchCalibration] | type[PressureCalibration]]] = {
+    "winches": WinchCalibration,
+    "pressures": PressureCalibration,
+}
+"""Tables of the joints that are no servos, in the order of the board's channels."""
+
 PAIRS: Final = ("pulse_range", "safe_range")
 
 HEADER: Final = """\
@@ -28,6 +40,14 @@ HEADER: Final = """\
 # offset: angle of the shaft when the piece is flat [rad, 0 to pi]; direction: 1, or -1 if the servo is mounted the
 # other way round; pulse_range: pulse widths with the shaft at 0 and at pi [us]; safe_range: smallest and largest joint
 # angle that may be sent [rad], 0 is the flat piece, negative bends the strip down.
+"""
+
+
+CHANNEL_HEADER: Final = """\
+# winches: radius of the drum with its cable [m]; steps of the motor in a turn of the drum; zero: set-point at which the
+# cable is just taut [steps from the home switch]; safe_range: smallest and largest length pulled in [m].
+# pressures: scale: pressure of a count of the sensor [Pa]; zero: set-point at ambient pressure [counts]; safe_range:
+# smallest and largest pressure above ambient [Pa].
 """
 
 
@@ -72,12 +92,22 @@ def parse_calibration(text: str) -> Calibration:
         if isinstance(error, CalibrationError):
             raise
         raise CalibrationError(f"a value cannot be read: {_brief(str(error))}") from None
-    servos = _mapping(table, "the file", ("servos",)).get("servos")
+    tables = _mapping(table, "the file", ("servos", *CHANNELS))
+    channels: dict[str, ChannelCalibration] = {}
+    for word, kind in CHANNELS.items():
+        for name, row in _named(tables.get(word, {}), word).items():
+            if name in channels or re.fullmatch(r"servo_\d+|slide", name):
+                raise CalibrationError(f"{word}.{name:.40} has a name that another joint has; rename it")
+            channels[name] = kind(**_values(f"{word}.{name}", row, kind))
+    if channels and "servos" not in tables:
+        return Calibration((), channels)
+    servos = tables.get("servos")
     names = servo_names(max(1, len(servos) if isinstance(servos, dict) else 0))
     found = _mapping(servos, "servos", names)
     if missing := [name for name in names if name not in found]:
         raise CalibrationError(f"servos.{missing[0]} is missing; all of {', '.join(names)} are needed")
-    return Calibration(tuple(_servo(name, found[name]) for name in names))
+    rows = [ServoCalibration(**_values(f"servos.{name}", found[name], ServoCalibration)) for name in names]
+    return Calibration(tuple(rows), channels)
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -99,7 +129,7 @@ def read_calibration(path: Path) -> Calibration:
 
 def calibration_text(calibration: Calibration) -> str:
     """Return the YAML of a calibration, with what its fields mean; `parse_calibration` reads it back."""
-    lines = [HEADER + "servos:"]
+    lines = [HEADER + "servos:"] if calibration.servos else []
     names = servo_names(len(calibration.servos))
     for name, servo in zip(names, calibration.servos, strict=True):
         pulses = ", ".join(f"{pulse:.1f}" for pulse in servo.pulse_range)
@@ -111,24 +141,39 @@ def calibration_text(calibration: Calibration) -> str:
             f"    pulse_range: [{pulses}]",
             f"    safe_range: [{safe}]",
         ]
+    lines += [CHANNEL_HEADER[:-1]] if calibration.channels else []
+    for word, kind in CHANNELS.items():
+        rows = {name: c for name, c in calibration.channels.items() if isinstance(c, kind)}
+        lines += [f"{word}:"] if rows else []
+        for name, channel in rows.items():
+            values = {key: list(v) if key in PAIRS else v for key, v in asdict(channel).items()}
+            text = yaml.safe_dump(values, default_flow_style=None, sort_keys=False)
+            lines += [f"  {name}:", *(f"    {line}" for line in text.splitlines())]
     return "\n".join(lines) + "\n"
 
 
-def _servo(name: str, table: object) -> ServoCalibration:
+def _named(value: object, what: str) -> Mapping[str, Any]:
+    """Return a table whose keys are names of joints."""
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) and key for key in value):
+        raise CalibrationError(f"{what} is {_shown(value)}; it must be a table of joints by their names")
+    return value
+
+
+def _values(what: str, table: object, kind: type) -> dict[str, Any]:
+    """Return the fields of a joint that fit its `kind`."""
     values: dict[str, Any] = {}
-    for key, value in _mapping(table, f"servos.{name}", FIELDS).items():
+    for key, value in _mapping(table, what, tuple(field.name for field in fields(kind))).items():
         if key in PAIRS:
             if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 2:
-                raise CalibrationError(
-                    f"servos.{name}.{key} is {_shown(value)}; it needs two numbers, [low, high]"
-                )
-            values[key] = tuple(_number(f"servos.{name}.{key}[{i}]", v) for i, v in enumerate(value))
+                raise CalibrationError(f"{what}.{key} is {_shown(value)}; it needs two numbers, [low, high]")
+            values[key] = tuple(_number(f"{what}.{key}[{i}]", v) for i, v in enumerate(value))
         else:
-            values[key] = _number(f"servos.{name}.{key}", value)
+            values[key] = _number(f"{what}.{key}", value)
     try:
-        return ServoCalibration(**values)
+        kind(**values)
     except CalibrationError as error:
-        raise CalibrationError(f"servos.{name}.{error}") from None
+        raise CalibrationError(f"{what}.{error}") from None
+    return values
 
 
 def _mapping(value: object, what: str, known: Sequence[str]) -> Mapping[str, Any]:

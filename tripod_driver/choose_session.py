@@ -30,6 +30,11 @@ def choose_sessions(
     if word not in PROTOCOLS:
         raise ValueError(f"protocol {word!r} is unknown; allowed: {', '.join(PROTOCOLS)}")
     count = len(calibration.servos)
+    if calibration.channels and word != FramedSession.name:
+        raise ValueError(
+            f"protocol {word} carries angles only, but the robot has {', '.join(calibration.channels)}; use protocol "
+            "framed, with this project's firmware"
+        )
     if count != SERVO_COUNT and word != FramedSession.name:
         raise ValueError(
             f"protocol {word} carries {SERVO_COUNT} angles, but the robot has {count} servos; use protocol framed, "
@@ -45,6 +50,6 @@ def choose_sessions(
 
 
 def common_bounds(sessions: Sequence[Session]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the smallest and largest angles [rad] that packets of all `sessions` can carry, shape (s,) each."""
+    """Return the smallest and largest joint values that packets of all `sessions` can carry, shape (n,) each."""
     lower, upper = zip(*(session.bounds() for session in sessions), strict=True)
     return tuple(map(max, zip(*lower, strict=True))), tuple(map(min, zip(*upper, strict=True)))

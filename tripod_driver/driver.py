@@ -25,9 +25,6 @@ LATEST: float = 0.28
 INCIDENT_TIME: float = 10.0
 """What the board did by itself stays in the message for so long [s]: a stream of commands goes on at once."""
 
-ROUNDED: float = 1e-3
-"""An angle is known so well by the pulse that a board tells, in ticks of its timer of 0.5 us [rad]."""
-
 
 class Driver:
     """Carries what `Safety` allows to the board.
@@ -78,12 +75,13 @@ class Driver:
         self._content: Content | None = None
         self._firm: Content | None = None  # the newest that is acknowledged, in this conversation
         self._sent_at = self._due = float("-inf")
-        self._sent = (float("nan"),) * len(safety.servos)
+        self._sent = (float("nan"),) * len(safety.joints)
         self._place: Place | None = None
+        self._homing = False  # the board was told to begin
 
     @property
     def sent(self) -> tuple[float, ...]:
-        """Angles in the last packet, after rounding [rad], shape (s,); NaN before the first."""
+        """Joint values in the last packet, after rounding [rad, m, Pa], shape (n,); NaN before the first."""
         return self._sent
 
     @property
@@ -125,14 +123,16 @@ class Driver:
         self.safety.look(now)
         if not self.wanted or not self._poll(now):
             return False
+        if self.safety.homing or self._homing:
+            return self._home(now)
         if self.link.session.settled:
             self._firm = self._content
         elif self._content is not None and self.safety.can_move:
             return self._again(self._content if self._firm is None else self._firm, now)
-        angles = None if self.too_early(now) else self.safety.setpoint(now)
-        if angles is None:
+        values = None if self.too_early(now) else self.safety.setpoint(now)
+        if values is None:
             return False
-        content = self.link.session.content([float(angle) for angle in angles])
+        content = self.link.session.content([float(value) for value in values])
         if content == self._content and now + self.period <= self._sent_at + self._patience():
             return False
         if content != self._content:  # a change need not wait for a packet that only keeps the watchdog quiet
@@ -152,6 +152,30 @@ class Driver:
             self.safety.moved(self.link.session.angles(content))
         self._due = now + PACE * self.period  # the board may have the change only from this one
         return self._send(content, now)
+
+    def _home(self, now: float) -> bool:
+        """Let the board look for places that it does not know, as long as that is allowed; return False: no packet.
+
+        It continues only while it is told to, and stops at once where it is told so.
+        """
+        session = self.link.session
+        begin, self._homing = not self._homing, self.safety.homing
+        if not self._homing:
+            self._say(session.hold(now), now)
+        elif begin:
+            self._say(session.home(now, begin=True), now)
+        elif session.settled and now >= self._sent_at + self._patience():
+            self._say(session.home(now, begin=False), now)
+            if not session.homing:  # it has given up
+                self._homing = False
+                self.safety.interrupt(now, session.unplaced)
+        return False
+
+    def _say(self, data: bytes, now: float) -> None:
+        """Write what is no packet."""
+        self._content, self._sent_at = None, now
+        if data and not self.link.write(data, now):
+            self.safety.disconnected(now, self.link.message)
 
     def too_early(self, now: float) -> bool:
         """Whether a change that is asked for at `now` [s] has to wait for its turn."""
@@ -194,17 +218,21 @@ class Driver:
                 self.safety.fault(now, self.link.message)
             case LinkState.READY if before is not LinkState.READY:
                 self._content = self._firm = None
+                self._homing = False
                 self._place = self._found()
                 self.safety.ready(now, self._place)
-        if state is LinkState.READY and session.told is not None:
-            self._compare(session.told)
+        if state is LinkState.READY:
+            self.safety.unplaced(session.unplaced)
+            self.safety.hold_back(session.held)
+            if session.told is not None:
+                self._compare(session.told)
         session.told = None
         return state is LinkState.READY
 
     # the place --------------------------------------------------------------------------------------------------
 
     def _found(self) -> Place:
-        """Return where the servos are now that the board is ready: told by the board, else remembered, else guessed.
+        """Return where the joints are now that the board is ready: told by the board, else remembered, else guessed.
 
         A board that does not tell has its servos where its firmware puts them only if opening the port has reset it.
         """
@@ -213,27 +241,34 @@ class Driver:
         if session.place is not None and (session.acknowledges or port.resets):
             return session.place
         pulses, sure = self.memory.recall()
-        if pulses is not None and len(pulses) == len(self.safety.servos):
+        channels = session.channel_values
+        if pulses is not None and len(pulses) + len(channels) == len(self.safety.joints):
             source = "this is the last angle sent before the board lost its power" if sure else ""
-            return Place(session.angles_of_pulses(pulses), source)
-        return Place(self.safety.place if session.place is None else session.place.angles)
+            return Place((*session.angles_of_pulses(pulses), *channels), source)
+        if session.place is not None:
+            return Place(session.place.angles)
+        guessed = self.safety.place
+        return Place((*guessed[: len(guessed) - len(channels)], *channels))
 
     def _remember(self, content: Content) -> None:
         """Write down what leaves now; a first guess only when the board has it."""
         session = self.link.session
-        if self._content is not None or self.place_source:
-            self.memory.keep(session.pulses(content), sure=session.acknowledges)
+        pulses = session.pulses(content)
+        if pulses and (self._content is not None or self.place_source):
+            self.memory.keep(pulses, sure=session.acknowledges)
 
     def _compare(self, told: Content) -> None:
         """Go on from what is in force on the board, where that is not what it was sent."""
         session = self.link.session
-        angles = session.angles(told)
-        if self._content is not None and self._near(angles, session.angles(self._content)):
+        values = session.angles(told)
+        if self._content is not None and self._near(values, session.angles(self._content)):
             return
         self._content = self._firm = None
-        self.memory.keep(session.pulses(told))
-        self.safety.moved(angles)
+        if pulses := session.pulses(told):
+            self.memory.keep(pulses)
+        self.safety.moved(values)
 
-    def _near(self, angles: Sequence[float], others: Sequence[float]) -> bool:
-        """Whether one packet could have made the difference of angles [rad], shape (s,)."""
-        return bool(np.abs(np.subtract(angles, others)).max() <= self.safety.longest_step + ROUNDED)
+    def _near(self, values: Sequence[float], others: Sequence[float]) -> bool:
+        """Whether one packet could have made the difference of joint values [rad, m, Pa], shape (n,)."""
+        allowed = self.safety.longest_step + np.array(self.link.session.rounding)
+        return bool((np.abs(np.subtract(values, others)) <= allowed).all())

@@ -26,6 +26,7 @@ from tripod_driver.framed_messages import (
     ErrorCode,
     Flags,
     Frame,
+    GetChannels,
     Hello,
     HelloReply,
     Hold,
@@ -44,6 +45,7 @@ from tripod_driver.protocol import SERVO_COUNT, ProtocolError
 __all__ = [
     "BODY_MAX",
     "TEXT_MAX",
+    "TYPES",
     "VERSION",
     "Acknowledgement",
     "BoardState",
@@ -59,6 +61,7 @@ __all__ = [
     "ErrorCode",
     "Flags",
     "Frame",
+    "GetChannels",
     "Hello",
     "HelloReply",
     "Hold",
@@ -104,7 +107,7 @@ _ERROR = struct.Struct("<2BH")
 _DESCRIPTION = struct.Struct("<3B2H")
 _CHANNEL = struct.Struct("<B2H")
 
-_TYPES: dict[type, int] = {
+TYPES: dict[type, int] = {
     Hello: 0x01,
     SetPulses: 0x02,
     Hold: 0x03,
@@ -112,6 +115,7 @@ _TYPES: dict[type, int] = {
     DescribeChannel: 0x05,
     SetChannels: 0x06,
     HomeChannel: 0x07,
+    GetChannels: 0x08,
     HelloReply: 0x81,
     Acknowledgement: 0x82,
     Error: 0x83,
@@ -119,8 +123,9 @@ _TYPES: dict[type, int] = {
     ChannelDescription: 0x85,
     ChannelStates: 0x86,
 }
+"""Type bytes of messages."""
 
-M = TypeVar("M", Hello, Hold, Release)
+M = TypeVar("M", Hello, Hold, Release, GetChannels)
 
 
 def _payload(message: Message) -> bytes:  # noqa: PLR0911 - one for each kind
@@ -223,6 +228,7 @@ _DECODERS: dict[int, Callable[[bytes], Message]] = {
     0x05: lambda payload: DescribeChannel(*struct.unpack("B", payload)),
     0x06: lambda payload: SetChannels(_pulses(payload)),
     0x07: lambda payload: HomeChannel(*struct.unpack("B", payload)),
+    0x08: _empty(GetChannels),
     0x81: _hello_reply,
     0x82: _acknowledgement,
     0x83: _error,
@@ -266,7 +272,7 @@ def encode(message: Message, sequence: int) -> bytes:
     """
     if not 0 <= sequence <= 0xFF:
         raise ProtocolError(f"sequence is {sequence}; allowed: 0 to 255")
-    body = bytes([VERSION, _TYPES[type(message)], sequence]) + _payload(message)
+    body = bytes([VERSION, TYPES[type(message)], sequence]) + _payload(message)
     return b"\0" + cobs_encode(body + crc_hqx(body, 0xFFFF).to_bytes(_CRC_SIZE, "little")) + b"\0"
 
 

@@ -28,9 +28,9 @@ def _check_channels(count: int) -> None:
         raise ProtocolError(f"{count} channels given; a message carries 1 to {CHANNELS_MAX}")
 
 
-def _check_pulses(pulses: Pulses) -> None:
-    if not 0 < len(pulses) <= SERVOS_MAX:
-        raise ProtocolError(f"{len(pulses)} pulses given; a message carries 1 to {SERVOS_MAX}")
+def _check_pulses(pulses: Pulses, fewest: int = 1) -> None:
+    if not fewest <= len(pulses) <= SERVOS_MAX:
+        raise ProtocolError(f"{len(pulses)} pulses given; a message carries {fewest} to {SERVOS_MAX}")
     for i, pulse in enumerate(pulses):
         _check_number(f"pulse of servo_{i}", pulse, 0xFFFF)
 
@@ -176,7 +176,7 @@ class SetChannels:
 
 @dataclass(frozen=True)
 class HomeChannel:
-    """Host to board: move this winch slowly to its home switch; goes on only while this is repeated.
+    """Host to board: move this winch slowly to its home switch, as long as the host keeps the channels.
 
     Attributes:
         number: Of the channel.
@@ -186,6 +186,11 @@ class HomeChannel:
 
     def __post_init__(self) -> None:
         _check_number("channel", self.number, 0xFF)
+
+
+@dataclass(frozen=True)
+class GetChannels:
+    """Host to board: how are the channels? Changes nothing on the board."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +240,7 @@ class ChannelState:
 
 @dataclass(frozen=True)
 class ChannelStates:
-    """Board to host: `SetChannels` or `HomeChannel` was carried out.
+    """Board to host: the channels now, in answer to `SetChannels`, `HomeChannel` and `GetChannels`.
 
     Attributes:
         channels: One for each channel.
@@ -297,7 +302,7 @@ class HelloReply:
             ("slew", self.slew),
         ):
             _check_number(name, value, 0xFFFF)
-        _check_pulses(self.pulses)
+        _check_pulses(self.pulses, 0)
 
 
 @dataclass(frozen=True)
@@ -320,7 +325,7 @@ class Acknowledgement:
     def __post_init__(self) -> None:
         _check_number("flags", self.flags, 0xFF)
         _check_number("dropped", self.dropped, 0xFFFF)
-        _check_pulses(self.pulses)
+        _check_pulses(self.pulses, 0)
 
 
 @dataclass(frozen=True)
@@ -376,6 +381,7 @@ Message = (
     | DescribeChannel
     | SetChannels
     | HomeChannel
+    | GetChannels
     | HelloReply
     | Acknowledgement
     | Error

@@ -1,7 +1,7 @@
 """A conversation in the `framed` protocol: who is there, what arrived, and what is wrong on the line."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from tripod_driver.board_checks import (
@@ -13,18 +13,26 @@ from tripod_driver.board_checks import (
     why_not_from,
 )
 from tripod_driver.calibration import Calibration
+from tripod_driver.channels import Channels
 from tripod_driver.framed import Decoder, encode
 from tripod_driver.framed_messages import (
     Acknowledgement,
     BoardState,
+    ChannelDescription,
+    ChannelStates,
     Error,
     ErrorCode,
     Flags,
     Frame,
+    GetChannels,
     Hello,
     HelloReply,
+    Hold,
     ImuLine,
+    Message,
     OtherVersion,
+    Pulses,
+    SetChannels,
     SetPulses,
 )
 from tripod_driver.imu import parse_line
@@ -66,11 +74,12 @@ HEARD_MAX: Final = 64
 class FramedSession(Session):
     """Says hello until it is answered, numbers its packets, and watches that each is acknowledged.
 
-    Only a board of this protocol version, with as many servos as the calibration and a range of pulses that covers it,
-    becomes ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog, is an
-    incident, and so is an earlier reset by its supply or a hung firmware. Unanswered frames were lost, they or
-    their answers. What the board heard and was never sent, as its replies tell or a gap before a frame whose forerunner
-    it has answered, is someone else's.
+    Only a board of this protocol version, with as many servos as the calibration, a range of pulses that covers it, and
+    its channels, becomes ready. A packet is a frame of pulses, if there are servos, else a hello, and one of the
+    channels' set-points, if there are channels. After that, silence for `SILENCE` ends the conversation; a reset of the
+    board, or its watchdog, is an incident, and so is an earlier reset by its supply or a hung firmware. Unanswered
+    frames were lost, they or their answers. What the board heard and was never sent, as its replies tell or a gap
+    before a frame whose forerunner it has answered, is someone else's.
     """
 
     name = "framed"
@@ -84,12 +93,18 @@ class FramedSession(Session):
         self._decoder = Decoder(len(calibration.servos))
         self._sequence = 0
         self._unanswered: deque[tuple[int, float]] = deque()
-        self._newest: int | None = None  # sequence of the newest packet, until it is acknowledged
+        self._newest: set[int] = (
+            set()
+        )  # sequences of the newest packet's frames that are not acknowledged yet
         self._late: set[int] = set()  # hellos sent before the first answer, whose own may still come
         self._answered: int | None = None  # sequence of the newest frame that was answered
         self._hello_due = self._give_up_at = self._said_at = 0.0
         self._heard = bytearray()
         self._echo = self._restarted = False
+        self._greeted = False  # the board is the right one; what remains is to ask of its channels
+        self._streaming = False  # packets leave one after another
+        self._channels = Channels(calibration.channels)
+        self._pulses: Pulses | None = None  # of the servos, told last; None: not known
         self._reply: HelloReply | None = None
         self._resets: deque[float] = deque(maxlen=RESETS_MAX)
         self._strangers: deque[float] = deque(maxlen=STRANGERS_MAX)
@@ -122,34 +137,76 @@ class FramedSession(Session):
                 self.state, self.message = SessionState.LOST, self._why_no_answer()
             elif now >= self._hello_due:
                 self._hello_due = now + HELLO_PERIOD
-                return self._hello(now)
+                return self._frames([self._channels.question], now) if self._greeted else self._hello(now)
         elif self.state is SessionState.READY:
             if self._unanswered and now - self._unanswered[0][1] > SILENCE:
                 self.state = SessionState.LOST
                 self.message = f"no acknowledgement for {SILENCE:g} s; check cable and power"
             elif now >= self._said_at + (HELLO_PERIOD if self._unanswered else IDLE_PERIOD):
-                return self._hello(now)
+                self._streaming = False
+                more = self._frames([GetChannels()], now) if self._calibration.channels else b""
+                return self._hello(now) + more
         return b""
 
-    def content(self, angles: Sequence[float]) -> Content:
-        """Return the pulse widths [0.1 us]."""
-        return tuple(round(TENTHS * pulse) for pulse in self._calibration.pulses(angles))
+    def content(self, values: Sequence[float]) -> Content:
+        """Return pulse widths [0.1 us], then set-points [steps, counts]."""
+        servos = len(self._calibration.servos)
+        pulses = (round(TENTHS * pulse) for pulse in self._calibration.pulses(values[:servos]))
+        return (*pulses, *self._calibration.setpoints(values[servos:]))
 
     def packet(self, content: Content, now: float) -> bytes:
-        """Return the frame that sets these pulses; its answer is expected within `SILENCE`."""
-        sequence = self._next_sequence()
-        self._unanswered.append((sequence, now))
-        self._newest = sequence
-        self._said_at = now
-        return encode(SetPulses(content), sequence)
+        """Return the frames that set this; their answers are expected within `SILENCE`."""
+        servos = len(self._calibration.servos)
+        frames: list[Message] = [SetPulses(content[:servos]) if servos else Hello()]
+        if self._calibration.channels:
+            frames.append(SetChannels(content[servos:]))
+        self._streaming = True
+        return self._newest_frames(frames, now)
 
     def angles(self, content: Content) -> tuple[float, ...]:
-        """Return the angles [rad] that have these pulses."""
-        return self.angles_of_pulses(content)
+        """Return the joint values [rad, m, Pa] of this."""
+        servos = len(self._calibration.servos)
+        return (*self.angles_of_pulses(content[:servos]), *self._calibration.values(content[servos:]))
 
     def pulses(self, content: Content) -> Content:
-        """Return `content`, which is just that."""
-        return content
+        """Return the part of the servos."""
+        return content[: len(self._calibration.servos)]
+
+    @property
+    def rounding(self) -> tuple[float, ...]:
+        """Of a channel, a period at the board's own rate: its replies tell set-points from before that."""
+        return (*super().rounding, *self._channels.steps)
+
+    @property
+    def channel_values(self) -> tuple[float, ...]:
+        """Where the joints are that are no servos [m, Pa]; of a winch that was not homed, as if it were at home."""
+        return self._calibration.values(self._channels.setpoints)
+
+    @property
+    def unplaced(self) -> str:
+        """Which winches were not homed."""
+        return self._channels.unplaced
+
+    @property
+    def held(self) -> Mapping[int, float]:
+        """Where the board holds joints whose cable or hose has failed, by their number."""
+        first, values = len(self._calibration.servos), self.channel_values
+        return {first + i: values[i] for i in self._channels.held}
+
+    @property
+    def homing(self) -> bool:
+        """Whether a winch looks for its home switch."""
+        return self._channels.homing
+
+    def home(self, now: float, *, begin: bool) -> bytes:
+        """Return what homes the winches; the board goes on only while this is repeated."""
+        self._streaming = False
+        return self._newest_frames(self._channels.to_home(begin=begin), now)
+
+    def hold(self, now: float) -> bytes:
+        """Return what stops the winches, and asks where they are."""
+        self._streaming = False
+        return self._newest_frames([Hold(), GetChannels()], now)
 
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the safe range: pulses carry all of it."""
@@ -163,13 +220,15 @@ class FramedSession(Session):
     @property
     def settled(self) -> bool:
         """Whether the newest packet was acknowledged."""
-        return self._newest is None
+        return not self._newest
 
     @property
     def odd(self) -> str:
         """That frames are lost, and how many; that answers come late."""
         if self.state is not SessionState.READY:
             return ""
+        if self._channels.odd:
+            return self._channels.odd
         if (lost := sum(self._lost)) >= LOST_MAX:
             return (
                 f"{lost} of the last {len(self._lost)} packets were lost on the line; check cable and plugs"
@@ -185,6 +244,7 @@ class FramedSession(Session):
     def diagnostics(self) -> dict[str, object]:
         """What the board is, and what went wrong on the line."""
         told: dict[str, object] = {"firmware": self.firmware, "last reset": self.reset, **self._counts}
+        told |= self._channels.diagnostics
         told["bad frames"] = self._bad_frames
         if self.round_trip is not None:
             told["round trip [ms]"] = f"{1e3 * self.round_trip:.1f}"
@@ -220,6 +280,10 @@ class FramedSession(Session):
                 self._take_acknowledgement(frame.sequence, reply, now)
             case Error() as error:
                 self._take_error(frame.sequence, error, now)
+            case ChannelDescription() as told:
+                self._take_description(frame.sequence, told, now)
+            case ChannelStates() as told:
+                self._take_channels(frame.sequence, told, now)
             case OtherVersion(version):
                 self._refuse(other_version(version))
             case ImuLine(text):
@@ -229,19 +293,25 @@ class FramedSession(Session):
             case _:
                 self._echo = True  # what a host says: the port returns what is written to it
 
+    def _take_hello_again(self, sequence: int, reply: HelloReply, now: float) -> None:
+        """Take the answer to a hello that was said to a board that is ready."""
+        if sequence in self._late:
+            self._late.remove(sequence)
+            self._answered = sequence
+        elif not self._answers(sequence, now):
+            self._suspect(now)
+        elif reply.flags & Flags.RESTARTED:
+            self._restart(now)
+        elif not self._calibration.servos:
+            self._take_watchdog(reply.flags)
+        elif 0 not in reply.pulses:
+            self._hear_servos(reply.pulses)
+
     def _take_hello(self, sequence: int, reply: HelloReply, now: float) -> None:
         if self.state is SessionState.READY:
-            if sequence in self._late:
-                self._late.remove(sequence)
-                self._answered = sequence
-            elif not self._answers(sequence, now):
-                self._suspect(now)
-            elif reply.flags & Flags.RESTARTED:
-                self._restart(now)
-            elif 0 not in reply.pulses:
-                self.told = reply.pulses
+            self._take_hello_again(sequence, reply, now)
             return
-        if not self._answers(sequence, now):
+        if self._greeted or not self._answers(sequence, now):
             return  # of an earlier conversation
         if wrong := why_not(reply, self._needed):
             self._refuse(wrong)
@@ -250,20 +320,70 @@ class FramedSession(Session):
         if self._restarted or (reply.flags & Flags.RESTARTED and is_failure(reply.reset)):
             self._restarted = False
             self.incident = told
-        self._reply = reply
+        self._reply, self._greeted = reply, True
         self.firmware = f"{reply.firmware[0]}.{reply.firmware[1]}"
+        self._late = {number for number, _ in self._unanswered}
+        self._unanswered.clear()
+        if not self._calibration.servos:  # whatever it could drive
+            self._decoder.servos = reply.servo_count
+        if self._calibration.channels:
+            self._hello_due = now  # ask of them
+        else:
+            self._begin(reply)
+
+    def _begin(self, reply: HelloReply) -> None:
+        """All is known: packets may leave."""
         self.place = self._told_place(reply)
         if self.place is not None and (wrong := why_not_from(self.place.angles, self._calibration)):
             self._refuse(wrong)
             return
-        self._late = {number for number, _ in self._unanswered}
-        self._unanswered.clear()
         self.state, self.message = SessionState.READY, ""
+
+    def _take_description(self, sequence: int, told: ChannelDescription, now: float) -> None:
+        if not self._answers(sequence, now) or self.state is not SessionState.OPENING:
+            return
+        if wrong := self._channels.describe(told):
+            self._refuse(wrong)
+        self._hello_due = now
+
+    def _take_channels(self, sequence: int, told: ChannelStates, now: float) -> None:
+        if not self._answers(sequence, now):
+            if self.state is SessionState.READY:
+                self._suspect(now)
+            return
+        if len(told.channels) != len(self._calibration.channels):
+            return
+        incident = self._channels.hear(told.channels)
+        if self.state is SessionState.OPENING and self._reply is not None and self._greeted:
+            self._begin(self._reply)
+        elif self.state is SessionState.READY:
+            self.incident = incident or self.incident
+            self._hear_place()
+
+    def _hear_servos(self, pulses: Pulses) -> None:
+        """Take the pulses that the board has told to be in force; with a 0 they are not known."""
+        self._pulses = pulses if 0 not in pulses else None
+        self._hear_place()
+
+    def _hear_place(self) -> None:
+        """Tell what is in force, of all joints."""
+        pulses = self._pulses if self._calibration.servos else ()
+        if pulses is None or self._channels.unplaced:
+            self.told = None
+        else:
+            self.told = (*pulses, *self._channels.setpoints)
+
+    def _take_watchdog(self, flags: Flags) -> None:
+        """Note what the board did in silence, unless nothing was to be said."""
+        if flags & Flags.WATCHDOG and self._streaming:
+            self._counts["watchdog of the board"] += 1
+            self.incident = "the board received nothing for the time of its watchdog and let the pressures go"
 
     def _take_acknowledgement(self, sequence: int, reply: Acknowledgement, now: float) -> None:
         if self.state is not SessionState.READY:
             return
-        self.told = reply.pulses if 0 not in reply.pulses else None
+        if self._calibration.servos:
+            self._hear_servos(reply.pulses)
         follows = self._answered is not None and sequence == (self._answered + 1) % 256
         if not self._answers(sequence, now):
             self._suspect(now)
@@ -271,7 +391,9 @@ class FramedSession(Session):
         if reply.flags & Flags.RESTARTED:
             self._restart(now)
             return
-        if reply.flags & Flags.WATCHDOG:
+        if not self._calibration.servos:
+            self._take_watchdog(reply.flags)
+        elif reply.flags & Flags.WATCHDOG:
             self._counts["watchdog of the board"] += 1
             self.incident = (
                 "the board received nothing for the time of its watchdog and switched the servos off"
@@ -284,6 +406,13 @@ class FramedSession(Session):
             self._refuse(other_version(error.detail))
         elif not self._answers(sequence, now):
             self._suspect(now)
+        elif error.code is ErrorCode.TYPE and self._calibration.channels and not self._channels.complete:
+            self._refuse(
+                f"the firmware of the board has no channels, the robot needs {', '.join(self._calibration.channels)}: "
+                "build it with WINCH_COUNT and PRESSURE_COUNT"
+            )
+        elif error.code is ErrorCode.PLACE:  # it was reset, unseen
+            self._restart(now)
         elif error.code is ErrorCode.PULSE:
             self._refuse(
                 f"the board refuses the pulse of servo_{error.detail} as out of its range; {FLASH_ADVICE}"
@@ -303,8 +432,7 @@ class FramedSession(Session):
             self._lost.append(True)
         self._lost.append(False)
         self._answered = sequence
-        if sequence == self._newest:
-            self._newest = None
+        self._newest.discard(sequence)
         self.round_trip = now - sent
         self._trips.append(self.round_trip)
         return True
@@ -330,10 +458,14 @@ class FramedSession(Session):
             self._refuse("another program also writes to this port; stop it")
 
     def _told_place(self, reply: HelloReply) -> Place | None:
-        if 0 in reply.pulses:
+        servos = len(self._calibration.servos)
+        pulses = reply.pulses[:servos]
+        self._pulses = None if 0 in pulses else pulses
+        if self._pulses is None:
             return None
-        emits = reply.state in (BoardState.ACTIVE, BoardState.HOLDING)
-        return Place(self.angles(reply.pulses), "the board says so", kept=emits)
+        emits = servos > 0 and reply.state in (BoardState.ACTIVE, BoardState.HOLDING)
+        values = (*self.angles_of_pulses(pulses), *self.channel_values)
+        return Place(values, "the board says so", kept=emits or self._channels.kept)
 
     def _why_no_answer(self) -> str:
         if self._echo:
@@ -356,7 +488,10 @@ class FramedSession(Session):
     def _open(self, now: float, give_up_at: float) -> None:
         self.state, self.place, self.told = SessionState.OPENING, None, None
         self._unanswered.clear()
-        self._newest = self._answered = None
+        self._newest, self._answered = set(), None
+        self._greeted = self._streaming = False
+        self._pulses = None
+        self._channels.begin()
         self._hello_due, self._give_up_at = now, give_up_at
 
     def _hello(self, now: float) -> bytes:
@@ -366,6 +501,23 @@ class FramedSession(Session):
         self._unanswered.append((sequence, now))
         self._said_at = now
         return frame
+
+    def _frames(self, messages: Sequence[Message], now: float) -> bytes:
+        """Return frames whose answers are expected."""
+        out = b""
+        for message in messages:
+            sequence = self._next_sequence()
+            self._unanswered.append((sequence, now))
+            out += encode(message, sequence)
+        self._said_at = now
+        return out
+
+    def _newest_frames(self, messages: Sequence[Message], now: float) -> bytes:
+        """Return frames of which it counts whether the board has them."""
+        out = self._frames(messages, now)
+        sequences = [sequence for sequence, _ in self._unanswered]
+        self._newest = set(sequences[len(sequences) - len(messages) :])
+        return out
 
     def _next_sequence(self) -> int:
         self._sequence = (self._sequence + 1) % 256

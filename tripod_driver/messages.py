@@ -1,6 +1,7 @@
 """What the driver publishes, as ROS messages."""
 
 import math
+from collections.abc import Sequence
 
 from sensor_msgs.msg import Imu
 from tripod_msgs.msg import RobotStatus
@@ -9,6 +10,7 @@ from tripod_driver.driver import Driver
 from tripod_driver.imu import ImuReading
 from tripod_graph import names
 from tripod_graph.control_mode import authority_message
+from tripod_graph.joint import Joint
 
 ANGLE_VARIANCE = math.radians(2.0) ** 2
 """Of roll and pitch of the IMU that the workshop uses, a BNO055 [rad^2]."""
@@ -25,7 +27,8 @@ def status_message(driver: Driver) -> RobotStatus:
         message=driver.message,
         port=driver.link.port.name,
         protocol=driver.link.session.name,
-        joint_names=list(safety.servos),
+        joint_names=[joint.name for joint in safety.joints],
+        units=[joint.unit for joint in safety.joints],
         commanded=safety.commanded,
         sent=driver.sent,
         place_known=safety.place_known,
@@ -39,6 +42,20 @@ def status_message(driver: Driver) -> RobotStatus:
         upper=safety.range.upper[:-1],
         speed=safety.range.speed[:-1],
     )
+
+
+def joint_fields(joints: Sequence[Joint], values: Sequence[float]) -> dict[str, Sequence[float]]:
+    """Return the fields `position` and `effort` of a joint state: a pressure is an effort; NaN where nothing is known.
+
+    Where all are positions, there is no effort.
+    """
+    if not any(joint.is_effort for joint in joints):
+        return {"position": values}
+    pairs = list(zip(joints, values, strict=True))
+    return {
+        "position": [math.nan if joint.is_effort else value for joint, value in pairs],
+        "effort": [value if joint.is_effort else math.nan for joint, value in pairs],
+    }
 
 
 def imu_message(reading: ImuReading) -> Imu:

@@ -17,9 +17,9 @@ from std_srvs.srv import Trigger
 from tripod_msgs.msg import RobotStatus
 
 from tripod_driver.calibration_file import calibration_text
-from tripod_driver.messages import imu_message, status_message
+from tripod_driver.messages import imu_message, joint_fields, status_message
 from tripod_driver.safety import State
-from tripod_driver.settings import PARAMETERS, chosen_calibration, make_driver
+from tripod_driver.settings import PARAMETERS, channel_joints, chosen_calibration, make_driver
 from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
 from tripod_graph.control_mode import authority_values, clocks, listen
@@ -83,6 +83,7 @@ class DriverNode(LifecycleNode):
         action = f"robot/{names.FOLLOW_JOINT_TRAJECTORY}"
         self._action = FollowAction(self, action, self._follow, self._motion, self._hold, self._refuse)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
+        self.create_service(Trigger, names.ROBOT_HOME, self._on_home)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
         self._timer = self.create_timer(TURN * self._driver.period, self._on_turn, clock=steady)
         self._soon = self.create_timer(SOON, self._on_soon, clock=steady)
@@ -93,7 +94,7 @@ class DriverNode(LifecycleNode):
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates, times and slew rates that have changed."""
-        self._safety.adopt(limits_from(values, values["servos"]))
+        self._safety.adopt(limits_from(values, values["servos"], channel_joints(values["channels"])))
         self._driver.period, self._driver.keep_alive = 1.0 / values["rate"], values["keep_alive"]
         self._park_time_max = values["park_time_max"]
         set_period(self._timer, TURN * self._driver.period)
@@ -186,6 +187,12 @@ class DriverNode(LifecycleNode):
         )
         return response
 
+    def _on_home(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        why = self._safety.home()
+        done = "the winches look for home" if self._safety.homing else "each place is known"
+        response.success, response.message = not why, why or done
+        return response
+
     def _on_turn(self) -> None:
         self._turns.add()
         self._on_timer()
@@ -224,8 +231,9 @@ class DriverNode(LifecycleNode):
         self._timer.reset()  # the next turn is a turn after this look
         self._on_turn()
 
-    def _publish_joint_states(self, angles: Sequence[float]) -> None:
-        message = JointState(name=list(self._safety.servos), position=angles)
+    def _publish_joint_states(self, values: Sequence[float]) -> None:
+        joints = self._safety.joints
+        message = JointState(name=[joint.name for joint in joints], **joint_fields(joints, values))
         message.header.stamp = self.get_clock().now().to_msg()
         for publisher in self._joint_states:
             publisher.publish(message)
@@ -304,10 +312,11 @@ class DriverNode(LifecycleNode):
         self._safety.park(time.monotonic())
         while self._safety.can_move and not self._driver.at_rest:
             if time.monotonic() > deadline:
-                angles = ", ".join(f"{angle:.3f}" for angle in self._driver.sent)
+                pairs = zip(self._safety.joints, self._driver.sent, strict=True)
+                values = ", ".join(f"{joint.name} {value:.4g} {joint.unit}" for joint, value in pairs)
                 self.get_logger().warning(
-                    f"the servos did not reach the park pose within park_time_max {self._park_time_max:g} s; they "
-                    f"were left at {angles} rad"
+                    f"the park pose was not reached within park_time_max {self._park_time_max:g} s; the robot was left "
+                    f"at {values}"
                 )
                 break
             time.sleep(self._driver.period / 2)

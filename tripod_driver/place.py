@@ -10,7 +10,7 @@ class Place:
     """Where the servos stand, and how that is known.
 
     Attributes:
-        angles: Of the joints [rad], shape (s,); they may be outside of every limit.
+        angles: Values of the joints [rad, m, Pa], shape (n,); they may be outside of every limit.
         source: Who says so, for people; empty: nobody does, and `angles` are the best guess.
         kept: Whether the board holds them there only as long as it hears of this driver.
     """

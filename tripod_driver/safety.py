@@ -1,6 +1,6 @@
-"""What may reach the servos, and when: a state machine without port, clock or thread; the caller gives the time."""
+"""What may reach the robot, and when: a state machine without port, clock or thread; the caller gives the time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from enum import IntEnum
 from typing import Final
@@ -9,9 +9,9 @@ import numpy as np
 
 from tripod_driver.place import Place
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
-from tripod_graph.goal import Motion, motion_of
+from tripod_graph.goal import GOAL_SHARE, Motion, motion_of
+from tripod_graph.joint import Joint
 from tripod_graph.mode import Decision, Mode, ModeTracker
-from tripod_graph.names import servo_names
 from tripod_graph.range import cut
 from tripod_host.arrays import FloatArray
 
@@ -44,16 +44,17 @@ MOVING = {
 
 
 class Safety:
-    """Decides at each moment which angles may be sent, if any.
+    """Decides at each moment which joint values may be sent, if any: angles, lengths of cables, pressures.
 
-    `setpoint` gives angles only between `activate` and `deactivate`, only while the board is ready, and only after a
+    `setpoint` gives values only between `activate` and `deactivate`, only while the board is ready, and only after a
     command, or to hold what the board holds on this driver's behalf. The first are those of the place where the servos
     stand, see `ready`; from there on they move no faster than the slew rate, into the safe range of each servo and
     within it, whatever happens in between. Where nobody knows the place, the motion to the first commanded pose creeps.
     Trajectories are followed only from the source in charge (`ModeTracker`), and not after `halt` until another
     decision is in force; others are checked and ignored. Whatever interrupts the motion (STOP, `halt`, another mode,
     a lost operator, a lost or reset board, `deactivate`) makes the joints hold; the next command ramps from there.
-    Silence makes them hold, then park. A fault ends all motion until `clear`.
+    Silence makes them hold, then park. A fault ends all motion until `clear`. Where the board itself has to find a
+    place (`unplaced`), nothing moves but what `home` starts, and that as long as a decision is in force.
 
     Attributes:
         authority: Who is in charge.
@@ -75,59 +76,68 @@ class Safety:
 
         Args:
             limits: Bounds of what may be commanded.
-            lower: Smallest angles that may be sent [rad], shape (s,).
-            upper: Largest angles that may be sent [rad], shape (s,).
+            lower: Smallest values that may be sent [rad, m, Pa], shape (n,).
+            upper: Largest values that may be sent [rad, m, Pa], shape (n,).
             start: Where the servos are guessed to be before a place is known [rad], shape (s,); None means the park
                 position.
 
         Raises:
-            CommandError: a servo has no angle that may both be commanded and sent.
+            CommandError: a joint has no value that may both be commanded and sent.
         """
         self._lower, self._upper = np.array(lower, float), np.array(upper, float)
-        for i, name in enumerate(servo_names(limits.count)):
-            if not max(self._lower[i], limits.angle_min) < min(self._upper[i], limits.angle_max):
-                safe = f"{self._lower[i]:g} to {self._upper[i]:g} rad"
-                asked = f"angle_min {limits.angle_min:g} to angle_max {limits.angle_max:g} rad"
+        for i, joint in enumerate(limits.table[:-1]):
+            if not max(self._lower[i], joint.low) < min(self._upper[i], joint.high):
+                safe = f"{self._lower[i]:g} to {self._upper[i]:g} {joint.unit}"
+                asked = f"angle_min {joint.low:g} to angle_max {joint.high:g} rad"
+                remedy = "calibrate, or change angle_min and angle_max"
+                if joint.unit != "rad":
+                    asked, remedy = f"its range {joint.low:g} to {joint.high:g} {joint.unit}", "calibrate"
                 raise CommandError(
-                    f"{name} has the safe range {safe}, which does not overlap with {asked}: calibrate, or change "
-                    "angle_min and angle_max"
+                    f"{joint.name} has the safe range {safe}, which does not overlap with {asked}: {remedy}"
                 )
-        self.range = limits.within(lower, upper, [limits.angle_speed] * limits.count)
+        self.range = self._range(limits)
         self.rejected, self.last_rejection = 0, ""
         self.moment: Callable[[float], float] = lambda now: now
         self._limits = limits
-        joints = None if start is None else [*start, limits.park[-1]]
+        joints = None if start is None else [*start, *limits.park[limits.count :]]
         self._follower = CommandFollower(limits, joints, longest_step=PULSE_PERIOD)
         self.authority = ModeTracker()
         self._board = State.DISCONNECTED
         self._trouble = "the port was not opened yet"
-        self._notice = ""
-        self._active = self._halted = False
+        self._notice = self._unplaced = ""
+        self._active = self._halted = self._homing = False
         self._asked = False
         self._creeping = False
         self._ignored = 0
         self._now = float("-inf")
         self._output = self._follower.joints[:-1].copy()
+        self._held = self._upper.copy()
         self._moved_at: float | None = None
+        servos = np.arange(limits.size) < limits.count
+        self._creep = np.where(servos, CREEP, np.inf)
+        self._near = np.where(servos, np.radians(0.5), GOAL_SHARE * (limits.upper - limits.lower)[:-1])
+
+    def _range(self, limits: CommandLimits) -> CommandLimits:
+        return limits.within(
+            self._lower.tolist(), self._upper.tolist(), limits.speed[:-1].tolist(), limits.required
+        )
 
     def adopt(self, limits: CommandLimits) -> None:
         """Keep to other slew rates and times from now on; their angles are those of before."""
         parking = self._follower.limits is not self._limits
-        self.range = limits.within(
-            self._lower.tolist(), self._upper.tolist(), [limits.angle_speed] * limits.count
-        )
+        self.range = self._range(limits)
         self._limits = limits
         self._follower.limits = replace(limits, park_after=0.0) if parking else limits
 
     @property
-    def servos(self) -> tuple[str, ...]:
-        """Names of the servos' joints."""
-        return servo_names(self._limits.count)
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints, without the slide."""
+        return self._limits.table[:-1]
 
     @property
     def state(self) -> State:
         """What it is doing."""
-        if self._board is not State.READY or not self._active:
+        if self._board is not State.READY or not self._active or self._unplaced:
             return self._board
         return MOVING[self._follower.activity]
 
@@ -136,6 +146,8 @@ class Safety:
         """What is wrong and what to do about it; empty when all is well."""
         if self._board is not State.READY:
             return self._trouble
+        if self._unplaced and not self._halted:
+            return self._unplaced
         if self._creeping or self._notice:
             return CREEPING if self._creeping else self._notice
         if self._halted or (self._ignored and not self._active):
@@ -149,6 +161,8 @@ class Safety:
             return self._trouble
         if self._halted:
             return "stopped by a service call; change the control mode to move again"
+        if self._unplaced:
+            return self._unplaced
         return "" if self._active else "the driver is not active: commands are ignored"
 
     def motion(self, now: float) -> Motion:
@@ -159,18 +173,18 @@ class Safety:
 
     @property
     def commanded(self) -> tuple[float, ...]:
-        """Angles asked for, within limits [rad], shape (s,)."""
-        return tuple(float(angle) for angle in self._follower.goal[:-1])
+        """Values asked for, within limits [rad, m, Pa], shape (n,)."""
+        return tuple(float(value) for value in self._follower.goal[:-1])
 
     @property
     def place(self) -> tuple[float, ...]:
-        """Where the servos are, or are guessed to be [rad], shape (s,)."""
-        return tuple(float(angle) for angle in self._output)
+        """Where the joints are, or are guessed to be [rad, m, Pa], shape (n,)."""
+        return tuple(float(value) for value in self._output)
 
     @property
     def place_known(self) -> bool:
-        """Whether the servos surely are at `place`."""
-        return self._board is State.READY and not self._creeping
+        """Whether the joints surely are at `place`."""
+        return self._board is State.READY and not self._creeping and not self._unplaced
 
     @property
     def can_move(self) -> bool:
@@ -178,9 +192,9 @@ class Safety:
         return self.listens and self._asked
 
     @property
-    def longest_step(self) -> float:
-        """Longest way from one packet to the next [rad]."""
-        return self._limits.angle_speed * PULSE_PERIOD
+    def longest_step(self) -> FloatArray:
+        """Longest way from one packet to the next [rad, m, Pa], shape (n,)."""
+        return self._limits.speed[:-1] * PULSE_PERIOD
 
     @property
     def is_active(self) -> bool:
@@ -189,13 +203,13 @@ class Safety:
 
     @property
     def listens(self) -> bool:
-        """Whether commands may move the servos: it is active and the board ready."""
-        return self._active and self._board is State.READY
+        """Whether commands may move the robot: it is active, the board ready, and each place known or guessed."""
+        return self._active and self._board is State.READY and not self._unplaced
 
     @property
     def at_rest(self) -> bool:
         """Whether what may be sent is where it should be."""
-        goal = np.clip(self._follower.goal[:-1], self._lower, self._upper)
+        goal = np.clip(self._follower.goal[:-1], self._lower, self._held)
         return bool(np.abs(self._output - goal).max() <= 1e-9)
 
     # the board ------------------------------------------------------------------------------------------------
@@ -220,21 +234,37 @@ class Safety:
         self._asked = self._active and place.kept
         self._creeping = not place.known
         joints = self._stand(place.angles)
-        parked = np.allclose(joints, self._limits.park, rtol=0, atol=np.radians(0.5))
+        parked = bool((np.abs(joints - self._limits.park)[:-1] <= self._near).all())
         if not (parked and self._follower.activity is Activity.PARKED):
             self._follower = CommandFollower(self._limits, joints.tolist(), longest_step=PULSE_PERIOD)
             self._follower.stop(self.moment(now))
 
-    def moved(self, angles: Sequence[float]) -> None:
-        """Somebody else has moved the servos to `angles` [rad], shape (s,): what is sent goes on from there."""
-        self._follower.joints = self._stand(angles)
+    def moved(self, values: Sequence[float]) -> None:
+        """Somebody else has moved the joints to `values` [rad, m, Pa], shape (n,): what is sent goes on from there."""
+        self._follower.joints = self._stand(values)
 
-    def _stand(self, angles: Sequence[float]) -> FloatArray:
-        """Take the place of the servos [rad], shape (s,); return the nearest joints within limits, shape (s + 1,)."""
-        self._output, self._moved_at = np.array(angles, float), None
+    def _stand(self, values: Sequence[float]) -> FloatArray:
+        """Take the place of the joints, shape (n,); return the nearest within limits, shape (n + 1,)."""
+        self._output, self._moved_at = np.array(values, float), None
         joints = self._follower.joints.copy()
-        joints[:-1] = np.clip(angles, self._limits.angle_min, self._limits.angle_max)
+        joints[:-1] = self._within(values)
         return joints
+
+    def _within(self, values: Sequence[float] | FloatArray) -> FloatArray:
+        """Return the nearest that may be commanded, shape (n,)."""
+        return np.clip(values, self._limits.lower[:-1], self._limits.upper[:-1])
+
+    def unplaced(self, why: str) -> None:
+        """The board does not know a place, because of `why`; empty: it does."""
+        self._homing = self._homing and bool(why)
+        self._asked = self._asked and not why
+        self._unplaced = why
+
+    def hold_back(self, most: Mapping[int, float]) -> None:
+        """Send no more than `most` [m, Pa] to these joints, by their number, as long as it is said."""
+        self._held = self._upper.copy()
+        for i, value in most.items():
+            self._held[i] = max(min(value, self._upper[i]), self._lower[i])
 
     def clear(self) -> None:
         """Forget a fault: somebody has looked."""
@@ -243,6 +273,7 @@ class Safety:
 
     def interrupt(self, now: float, why: str) -> None:
         """Hold because of `why`, if there is a motion; the next command goes on from there."""
+        self._homing = False
         if self._active and self._follower.activity is Activity.ACTIVE:
             self._notice = why
         self._follower.rest(self.moment(now))
@@ -261,8 +292,8 @@ class Safety:
         self._follower.rest(self.moment(now))
 
     def deactivate(self) -> None:
-        """Give no more angles."""
-        self._active = self._asked = False
+        """Give no more values."""
+        self._active = self._asked = self._homing = False
         self._ignored = 0
 
     def trajectory(
@@ -290,7 +321,7 @@ class Safety:
             self._ignored += 1
         else:
             place = self._follower.joints.copy()
-            place[:-1] = np.clip(self.place, self._limits.angle_min, self._limits.angle_max)
+            place[:-1] = self._within(self.place)
             moment = self.moment(now)
             self._follower.accept(
                 names, times, positions, moment, velocities=velocities, efforts=efforts, age=age, place=place
@@ -319,41 +350,58 @@ class Safety:
         """Hold, because something else is in force now: nothing of another decision's trajectory goes on."""
         self._notice = ""
         self._ignored = 0
+        self._homing = False
         if self.authority.mode is Mode.STOP:
             self._stop(now)
         else:
             self._follower.rest(self.moment(now))
 
+    @property
+    def homing(self) -> bool:
+        """Whether the board may look for places that it does not know."""
+        return self._homing
+
+    def home(self) -> str:
+        """Let the board look for places that it does not know; return why not, empty if it may.
+
+        It ends with the decision that is in force, as other motion does.
+        """
+        if self._board is not State.READY or not self._active or self._halted:
+            return self._deafness
+        if self.authority.mode is Mode.STOP or self.authority.lost:
+            return "nobody is in charge: choose a control mode other than STOP first, then home again"
+        self._homing = bool(self._unplaced)
+        return ""
+
     def halt(self, now: float) -> None:
         """Hold at once and ignore commands until the control mode changes."""
-        self._halted = True
+        self._halted, self._homing = True, False
         self._stop(now)
 
     def park(self, now: float) -> None:
         """Move to the park position now and ignore commands; `at_rest` tells when it is there."""
         self._follow_from_here(replace(self._limits, park_after=0.0))
         self._follower.setpoint(self.moment(now))
-        self._halted = True
+        self._halted, self._homing = True, False
 
     # the output -----------------------------------------------------------------------------------------------
 
     def setpoint(self, now: float) -> FloatArray | None:
-        """Return the angles to be sent at `now` [s], shape (s,); None: nothing may be sent. Call it at each tick."""
+        """Return the values to be sent at `now` [s], shape (n,); None: nothing may be sent. Call it at each tick."""
         if not self.can_move:
             return None
         dt = 0.0 if self._moved_at is None else min(max(0.0, now - self._moved_at), PULSE_PERIOD)
         self._moved_at = now if self._moved_at is None else max(now, self._moved_at)
-        asked = np.clip(self._follower.setpoint(self.moment(now))[:-1], self._lower, self._upper)
+        asked = np.clip(self._follower.setpoint(self.moment(now))[:-1], self._lower, self._held)
         if self._follower.activity is not Activity.HOLDING:  # that is to stay, also outside of the range
-            step = dt * (min(CREEP, self._limits.angle_speed) if self._creeping else self._limits.angle_speed)
+            speed = self._limits.speed[:-1]
+            step = dt * (np.minimum(self._creep, speed) if self._creeping else speed)
             self._output = self._output + np.clip(asked - self._output, -step, step)
             behind = self._output != asked
-            self._follower.joints[:-1][behind] = np.clip(
-                self._output, self._limits.angle_min, self._limits.angle_max
-            )[behind]
+            self._follower.joints[:-1][behind] = self._within(self._output)[behind]
             if self._creeping:
-                end = np.clip(self._follower.end[:-1], self._lower, self._upper)
-                self._creeping = not np.allclose(self._output, end, rtol=0, atol=np.radians(0.5))
+                end = np.clip(self._follower.end[:-1], self._lower, self._held)
+                self._creeping = bool((np.abs(self._output - end) > self._near).any())
         return self._output.copy()
 
     def _leave(self, board: State, now: float, why: str) -> None:
@@ -362,6 +410,7 @@ class Safety:
         if self._board is State.READY:
             self._follower.rest(self.moment(now))
         self._board, self._trouble, self._asked = board, why, False
+        self._unplaced, self._homing = "", False
 
     def _stop(self, now: float) -> None:
         """Hold where the joints are, also after `park`."""

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import Final
 
@@ -12,8 +12,10 @@ from tripod_driver.place import Place, library_start
 from tripod_driver.protocol import LegacyProtocol
 
 Content = tuple[int, ...]
-"""The numbers in one packet, one for each servo, in the unit of its protocol: equal numbers need no new packet."""
+"""The numbers in one packet, one for each joint, in the unit of its protocol: equal numbers need no new packet."""
 
+ROUNDED: Final = 1e-3
+"""An angle is known so well by the pulse that a board tells, in ticks of its timer of 0.5 us [rad]."""
 
 TENTHS: Final = 10
 """Units of a pulse in one microsecond, in a frame and where pulses are kept."""
@@ -83,8 +85,8 @@ class Session(ABC):
         """Return what is due on the line besides packets; empty if nothing is. Call it often: time-outs count here."""
 
     @abstractmethod
-    def content(self, angles: Sequence[float]) -> Content:
-        """Return what a packet of angles [rad], shape (s,), would hold."""
+    def content(self, values: Sequence[float]) -> Content:
+        """Return what a packet of joint values [rad, m, Pa], shape (n,), would hold."""
 
     @abstractmethod
     def packet(self, content: Content, now: float) -> bytes:
@@ -92,11 +94,11 @@ class Session(ABC):
 
     @abstractmethod
     def angles(self, content: Content) -> tuple[float, ...]:
-        """Return the angles [rad], shape (s,), for which `content` stands."""
+        """Return the joint values [rad, m, Pa], shape (n,), for which `content` stands."""
 
     @abstractmethod
     def pulses(self, content: Content) -> Content:
-        """Return the pulse widths [0.1 us] for which `content` stands."""
+        """Return the pulse widths [0.1 us] of the servos, shape (s,), for which `content` stands."""
 
     def angles_of_pulses(self, pulses: Content) -> tuple[float, ...]:
         """Return the angles [rad], shape (s,), of pulse widths [0.1 us]."""
@@ -104,7 +106,40 @@ class Session(ABC):
 
     @abstractmethod
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the smallest and largest angles [rad] that a packet can carry, shape (s,) each."""
+        """Return the smallest and largest joint values [rad, m, Pa] that a packet can carry, shape (n,) each."""
+
+    @property
+    def rounding(self) -> tuple[float, ...]:
+        """How far what the board tells may be from what it does in its next period [rad, m, Pa], shape (n,)."""
+        return (ROUNDED,) * len(self._calibration.servos)
+
+    @property
+    def channel_values(self) -> tuple[float, ...]:
+        """Where the joints are that are no servos, as the board told last [m, Pa]."""
+        return ()
+
+    @property
+    def unplaced(self) -> str:
+        """Why nothing may move since the board does not know a place; empty if it does."""
+        return ""
+
+    @property
+    def held(self) -> Mapping[int, float]:
+        """Largest value [m, Pa] that joints may have for now, by their number: cable or hose has failed."""
+        return {}
+
+    @property
+    def homing(self) -> bool:
+        """Whether the board looks for a place."""
+        return False
+
+    def home(self, now: float, *, begin: bool) -> bytes:
+        """Return what lets the board begin to look for places that it does not know, or continue; empty: nothing."""
+        return b""
+
+    def hold(self, now: float) -> bytes:
+        """Return what ends homing at once."""
+        return b""
 
     @property
     def watchdog(self) -> float | None:

@@ -1,25 +1,33 @@
 """A board in memory that speaks the `framed` protocol as the firmware does (docs/protocol.md)."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
-from tripod_driver.framed import VERSION, Decoder, encode
+from tripod_driver.framed import TYPES, VERSION, Decoder, encode
 from tripod_driver.framed_messages import (
     Acknowledgement,
     BoardState,
+    ChannelDescription,
+    ChannelKind,
+    ChannelStates,
+    DescribeChannel,
     Error,
     ErrorCode,
     Flags,
+    GetChannels,
     Hello,
     HelloReply,
     Hold,
+    HomeChannel,
     Message,
     Pulses,
     Release,
     ResetCause,
+    SetChannels,
     SetPulses,
 )
+from tripod_driver.ports import mock_channels
 from tripod_driver.protocol import SERVO_COUNT
 
 STEP: Final = 5
@@ -41,6 +49,7 @@ class MockBoard:
 
     Attributes:
         servos: How many it drives.
+        channels: Its winches and pressures.
         pulses: What the servos get, or got last [0.1 us]; 0 before the first.
         version: Of the protocol that it speaks.
         pulse_range: Shortest and longest pulse that it makes [0.1 us].
@@ -48,9 +57,15 @@ class MockBoard:
     """
 
     def __init__(
-        self, clock: Callable[[], float] = lambda: 0.0, *, version: int = VERSION, servos: int = SERVO_COUNT
+        self,
+        clock: Callable[[], float] = lambda: 0.0,
+        *,
+        version: int = VERSION,
+        servos: int = SERVO_COUNT,
+        channels: Sequence[ChannelKind] = (),
+        homed: bool = True,
     ) -> None:
-        """`clock` gives the time of its watchdog [s]; without it the watchdog sleeps."""
+        """`clock` gives the time of watchdog and winches [s]; without it they sleep. `homed`: see `MockChannels`."""
         self.servos = servos
         self.pulse_range = PULSE_RANGE
         self.cause = ResetCause.EXTERNAL
@@ -58,6 +73,7 @@ class MockBoard:
         self._history: deque[Pulses] = deque(maxlen=MEMORY)
         self._clock = clock
         self._watchdog = 0.5
+        self.channels = mock_channels.MockChannels(channels, clock, self._watchdog, homed=homed)
         self.restart()
 
     def restart(self) -> None:
@@ -68,6 +84,7 @@ class MockBoard:
         self._heard_at = self._clock()
         self._sequence: int | None = None
         self._answers = b""
+        self.channels.restart()
 
     @property
     def history(self) -> list[Pulses]:
@@ -110,18 +127,62 @@ class MockBoard:
                 wrong = next(i for i, pulse in enumerate(pulses) if not low <= pulse <= high)
                 return Error(ErrorCode.PULSE, 2, wrong)
             case Hold():
+                for channel in self.channels.all:
+                    channel.hold()
+                self.channels.keep()
                 self._heard_at = self._clock()
                 self._state = BoardState.HOLDING if self._state is not BoardState.IDLE else BoardState.IDLE
             case Release():
+                for channel in self.channels.all:
+                    channel.vent()
                 self._state = BoardState.RELEASED
+            case DescribeChannel() | SetChannels() | HomeChannel() | GetChannels():
+                return self._answer_channels(message)
         dropped = sum(self._decoder.dropped.values())
         return Acknowledgement(self._state, self._taken_flags(), self.pulses, dropped % 65536)
+
+    def _answer_channels(self, message: DescribeChannel | SetChannels | HomeChannel | GetChannels) -> Message:
+        channels, kind = self.channels.all, TYPES[type(message)]
+        if wrong := self._why_not(message, kind):
+            return wrong
+        match message:
+            case DescribeChannel(i):
+                what = channels[i].kind
+                limits = mock_channels.HIGHEST[what], mock_channels.SLEW[what]
+                return ChannelDescription(len(channels), i, what, *limits)
+            case HomeChannel(i):
+                channels[i].home()
+                self.channels.keep()
+            case SetChannels(targets):
+                for channel, target in zip(channels, targets, strict=True):
+                    channel.set(target)
+                self.channels.keep()
+        return ChannelStates(tuple(channel.state for channel in channels))
+
+    def _why_not(self, message: Message, kind: int) -> Error | None:
+        """Return why a message on channels is refused."""
+        channels = self.channels.all
+        winches = [i for i, channel in enumerate(channels) if channel.kind is ChannelKind.WINCH]
+        if not channels:
+            return Error(ErrorCode.TYPE, kind, kind)
+        match message:
+            case DescribeChannel(i) if i >= len(channels):
+                return Error(ErrorCode.CHANNEL, kind, i)
+            case HomeChannel(i) if i not in winches:
+                return Error(ErrorCode.CHANNEL, kind, i)
+            case SetChannels(targets) if len(targets) != len(channels):
+                return Error(ErrorCode.LENGTH, kind, 2 * len(targets))
+            case SetChannels(targets) if wrong := self.channels.refusal(targets):
+                return Error(wrong[0], kind, wrong[1])
+        return None
 
     def _taken_flags(self) -> Flags:
         flags, self._flags = self._flags, Flags(0)
         return flags
 
     def _watch(self) -> None:
+        if self.channels.advance():
+            self._flags |= Flags.WATCHDOG
         silent = self._clock() - self._heard_at
         if self._state is BoardState.ACTIVE and silent >= self._watchdog:
             self._state = BoardState.HOLDING
