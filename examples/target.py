@@ -1,6 +1,6 @@
-"""A target of your own: inverse kinematics moves the effector there. Start `tripod up` first, this in a second terminal.
+"""A target of your own: inverse kinematics moves the effector there. Start `tripod up` before it.
 
-    python examples/target.py 0.001 0 0      # x, y, z [m] in the frame "world"
+python examples/target.py 0.001 0 0      # x, y, z [m] in the frame "world"
 """
 
 import sys
@@ -21,7 +21,9 @@ rclpy.init()
 node = rclpy.create_node("target")
 modes = node.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
 targets = node.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
-decision = ControlMode(mode=ControlMode.IK, source="target")  # of STOP 0, TELEOP 1, IK 2, REPLAY 3; holds for 1 s
+decision = ControlMode(
+    mode=ControlMode.IK, source="target"
+)  # of STOP 0, TELEOP 1, IK 2, REPLAY 3; holds for 1 s
 decision.header.stamp = node.get_clock().now().to_msg()
 target = PoseStamped()
 target.header.frame_id = "world"

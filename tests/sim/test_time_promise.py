@@ -142,4 +142,6 @@ def test_a_swing_that_goes_on_for_long_is_not_promised_any_longer() -> None:
         told[k] = [n for n in simulation.notes if "time_error.accuracy" in n]
     assert not told[120]
     (note,) = told[200]
-    assert_names(note, "time_error.accuracy = 0.05", "not promised", "long swing", "inertia.scheme = 'tr_bdf2'")
+    assert_names(
+        note, "time_error.accuracy = 0.05", "not promised", "long swing", "inertia.scheme = 'tr_bdf2'"
+    )

@@ -177,7 +177,16 @@ class PathErrorControl(StepControl):
         self._read(state, self._before)
         x, v = self._before.copy()
         twist = np.zeros((2 if self._maze else 0, 3))
-        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), np.zeros(len(x)), twist)
+        known = WayState(
+            x,
+            v,
+            np.zeros_like(x),
+            np.zeros((len(x), 4)),
+            np.zeros(len(x)),
+            np.zeros(2),
+            np.zeros(len(x)),
+            twist,
+        )
         self._measure(known, 1.0, 1.0, None)
         self._ratio(known)
         if self._maze and state.ball:
@@ -281,9 +290,9 @@ class PathErrorControl(StepControl):
         if self._maze or self.swung <= SWUNG:
             return ""
         return (
-            f"time_error.accuracy = {self._wanted.accuracy:g} is not promised any longer: a point has gone {SWUNG:g} times "
-            "as far as it gets from its start, and in a long swing errors add up to more than the estimate. Check with "
-            "a fixed dt, inertia.scheme = 'tr_bdf2', and half of that dt"
+            f"time_error.accuracy = {self._wanted.accuracy:g} is not promised any longer: a point has gone "
+            f"{SWUNG:g} times as far as it gets from its start, and in a long swing errors add up to more than the "
+            "estimate. Check with a fixed dt, inertia.scheme = 'tr_bdf2', and half of that dt"
         )
 
     def _follow(self, known: WayState, time: float, h: float) -> None:
