@@ -92,10 +92,10 @@ class JointPath:
             k = int(moved.argmax())
             if moved[k] > SLACK * joint.speed:
                 slower = 0.99 * joint.speed / moved[k]
+                fast, allowed = (_shown(joint, value, digits=2) for value in (moved[k], joint.speed))
                 raise PlayError(
-                    f"{joint.name} would move at {_shown(joint, moved[k], digits=2)}/s at {grid[k]:.2f} s; the driver "
-                    f"allows {_shown(joint, joint.speed, digits=2)}/s: let it take {1 / slower:.2f} times as long (a rate of "
-                    f"{rate * slower:.2f})"
+                    f"{joint.name} would move at {fast}/s at {grid[k]:.2f} s; the driver allows {allowed}/s: let it "
+                    f"take {1 / slower:.2f} times as long (a rate of {rate * slower:.2f})"
                 )
         return found
 
