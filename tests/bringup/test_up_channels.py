@@ -1,5 +1,6 @@
-"""`tripod up` of a robot of cables and of one of air, end to end: simulator, driver on the mock port, recording, replay."""
+"""`tripod up` of a robot of cables and of one of air: simulator, driver on the mock port, recording, replay."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -39,7 +40,9 @@ def play(file: Path, scene: str, domain: int, environment: dict[str, str]) -> st
     try:
         code = "from tripod_bringup.cli import main; main()"
         command = [sys.executable, "-c", code, "bag", "play", str(file), "--to", "robot", "--rate", "0.8"]
-        played = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=3 * DEADLINE)
+        played = subprocess.run(
+            command, check=False, env=environment, capture_output=True, text=True, timeout=3 * DEADLINE
+        )
     finally:
         driver.send_signal(signal.SIGINT)
         driver.wait(DEADLINE)
@@ -86,7 +89,12 @@ def test_the_simulated_and_the_real_robot_follow_one_command(
 
             def reached(topic: str) -> bool:
                 state = heard[topic][-1]
-                rows = {n: (p, e) for n, p, e in zip(state.name, state.position, state.effort or state.position)}
+                rows = {
+                    n: (p, e)
+                    for n, p, e in zip(
+                        state.name, state.position, state.effort or state.position, strict=True
+                    )
+                }
                 found = [rows[joint.name][joint.is_effort] for joint in table]
                 return bool(np.allclose(found, goal, rtol=0.03, atol=0.0))
 
@@ -101,14 +109,14 @@ def test_the_simulated_and_the_real_robot_follow_one_command(
         file = next((tmp_path / "bags").glob("*/*.mcap"))
         with AnyReader([file.parent]) as reader:
             wanted = [c for c in reader.connections if c.topic == f"/{names.ROBOT_STATUS}"]
-            assert [reader.deserialize(raw, c.msgtype).units for c, _, raw in reader.messages(wanted)][-1] == robot.units
-        environment = {**process_environment(domain, tmp_path)}
+            assert [reader.deserialize(raw, c.msgtype).units for c, _, raw in reader.messages(wanted)][
+                -1
+            ] == robot.units
+        environment = process_environment(domain, tmp_path)
         assert_names(play(file, scene, domain, environment), "played", "s of motion")
 
 
 def process_environment(domain: int, directory: Path) -> dict[str, str]:
-    import os
-
     root = str(Path(__file__).parents[2])
     return dict(
         os.environ,

@@ -51,12 +51,18 @@ def test_a_cable_and_a_chamber_are_homed_moved_told_and_stopped(
     operator.ready()
     status = operator.status
     assert (list(status.joint_names), list(status.units)) == (["left", "air"], ["m", "Pa"])
-    assert (list(status.lower), list(status.upper), list(status.speed)) == ([0, 0], [0.03, 20e3], [0.03, 20e3])
+    assert (list(status.lower), list(status.upper), list(status.speed)) == (
+        [0, 0],
+        [0.03, 20e3],
+        [0.03, 20e3],
+    )
 
     def told(*what: str) -> bool:
         return messages.names(operator.status.message, *what)
 
-    client.wait(lambda: told("left", "homed", "robot/home"), "the reason", meanwhile=lambda: send(operator, 0.01, 5e3))
+    client.wait(
+        lambda: told("left", "homed", "robot/home"), "the reason", meanwhile=lambda: send(operator, 0.01, 5e3)
+    )
     assert not operator.status.place_known
     assert (winch.setpoint, chamber.setpoint, operator.status.packets_sent) == (0, 0, 0)
     assert client.call(Trigger, names.ROBOT_HOME, Trigger.Request()).success
