@@ -5,7 +5,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tripod_bringup.calibrate_command import BAD_ARGUMENTS, FAILED, INTERRUPTED, calibrate
+from tripod_bringup.calibrate_command import (
+    BAD_ARGUMENTS,
+    FAILED,
+    INTERRUPTED,
+    calibrate,
+    servo_calibration,
+)
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.identify_command import identified, tell_found
 from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, Sensor, reach
