@@ -13,6 +13,7 @@ from tripod_driver.framed import (
     DescribeChannel,
     Error,
     ErrorCode,
+    GetChannels,
     Hold,
     HomeChannel,
     Message,
@@ -78,10 +79,34 @@ def test_a_board_describes_its_channels(board: ChannelBoard) -> None:
 
 def test_a_board_of_servos_only_refuses_messages_on_channels() -> None:
     board = NativeProtocol()
-    for kind, message in ((5, DescribeChannel(0)), (6, SetChannels((1,))), (7, HomeChannel(0))):
+    messages = (DescribeChannel(0), SetChannels((1,)), HomeChannel(0), GetChannels())
+    for kind, message in enumerate(messages, start=5):
         (frame,) = answers(board.receive(encode(message, kind)))
         assert frame.message == Error(ErrorCode.TYPE, kind, kind)
     assert board.close() == 0
+
+
+def test_asking_for_the_states_changes_nothing_and_keeps_nothing(homed: ChannelBoard) -> None:
+    homed.measure(0, 100)
+    homed.set(100, 100)
+    homed.channels(2)
+    assert [c.setpoint for c in homed.ask(GetChannels()).channels] == [2 * WINCH_SLEW, 2 * PRESSURE_SLEW]
+    homed.channels(2)
+    homed.tick(400)
+    assert [c.setpoint for c in homed.ask(GetChannels()).channels] == [4 * WINCH_SLEW, 4 * PRESSURE_SLEW]
+    homed.tick(101)
+    assert [c.setpoint for c in homed.ask(GetChannels()).channels] == [4 * WINCH_SLEW, 0]
+
+
+def test_set_points_keep_homing_alive_and_do_not_begin_it_again(board: ChannelBoard) -> None:
+    board.home()
+    board.channels(20)
+    for _ in range(3):
+        board.tick(400)
+        assert board.set(0, 0)[0].flags == HOMING
+    board.measure(AT_HOME, 0)
+    board.channels()
+    assert board.set(0, 0)[0].flags == KNOWN
 
 
 def test_a_winch_moves_only_after_homing(board: ChannelBoard) -> None:
