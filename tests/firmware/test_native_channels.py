@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from tests.firmware.test_native_protocol import NativeProtocol, answers
 from tripod_driver.framed import (
@@ -10,6 +12,7 @@ from tripod_driver.framed import (
     ChannelFlags,
     ChannelKind,
     ChannelState,
+    Decoder,
     DescribeChannel,
     Error,
     ErrorCode,
@@ -21,6 +24,7 @@ from tripod_driver.framed import (
     SetChannels,
     encode,
 )
+from tripod_driver.ports.mock_board import MockBoard
 
 KNOWN, HOMING, FAILED = ChannelFlags.KNOWN, ChannelFlags.HOMING, ChannelFlags.HOME_FAILED
 WINCH_SLEW, PRESSURE_SLEW, WINCH_MAX, PRESSURE_MAX = 10, 16, 6000, 800
@@ -202,3 +206,59 @@ def test_a_slack_cable_stops_the_pull(homed: ChannelBoard) -> None:
     homed.channels(5)
     assert homed.set(500, 0)[0].setpoint == 5 * WINCH_SLEW
     assert homed.set(40, 0)[0].flags == KNOWN
+
+
+operation = st.one_of(
+    st.tuples(st.just("set"), st.integers(0, 6100), st.integers(0, 820)),
+    st.tuples(st.just("set"), st.integers(0, 40), st.integers(0, 200)),
+    st.tuples(st.sampled_from(["home", "hold", "release", "get", "break", "mend"])),
+    st.tuples(st.just("wait"), st.sampled_from([1, 3, 20, 60])),
+)
+
+
+HOMED = [("home",), *[("wait", 20), ("set", 0, 0)] * 3]
+UP = [("set", 100, 300), ("wait", 20)] * 3
+FAILED_HARDWARE = [
+    *HOMED,
+    *UP,
+    ("break",),
+    *[("set", 200, 400), ("wait", 3)] * 25,
+    ("set", 50, 100),
+    ("wait", 20),
+]
+
+
+@example([*FAILED_HARDWARE, ("mend",), *UP])
+@example([*HOMED, *UP, ("wait", 60), *UP, ("release",), ("wait", 3), *UP, ("hold",), ("wait", 3)])
+@given(st.lists(operation, max_size=25))
+@settings(max_examples=40, deadline=None)
+def test_the_board_in_memory_does_what_the_firmware_does(operations: list[tuple]) -> None:
+    now = [0.0]
+    mock = MockBoard(lambda: now[0], channels=(ChannelKind.WINCH, ChannelKind.PRESSURE), homed=False)
+    native, decoder = ChannelBoard(), Decoder()
+    messages = {"home": HomeChannel(0), "hold": Hold(), "release": Release(), "get": GetChannels()}
+    try:
+        for word, *values in operations:
+            if word in ("break", "mend"):
+                for channel in mock.channels.all:
+                    channel.broken = word == "break"
+            elif word == "wait":
+                for _ in range(values[0]):
+                    for channel in mock.channels.all:
+                        channel._measure()
+                    native.tick(20)
+                    native.measure(*(channel.measured for channel in mock.channels.all))
+                    native.channels()
+                    now[0] += 0.02 + 1e-9
+                    mock.write(b"")
+            else:
+                message = messages.get(word) or SetChannels(tuple(values))
+                mock.write(encode(message, 1))
+                [frame] = decoder.feed(mock.read())
+                found, wanted = frame.message, native.ask(message)
+                if isinstance(wanted, Error):
+                    assert found == wanted
+            told = [(c.flags, c.setpoint) for c in native.ask(GetChannels()).channels]
+            assert [(c.flags, c.setpoint) for c in mock.channels.all] == told, word
+    finally:
+        assert native.close() == 0
