@@ -4,6 +4,7 @@
 #include <avr/sleep.h>
 #include <avr/wdt.h>
 
+#include "channel_pins.h"
 #include "clock.h"
 #include "imu.h"
 #include "protocol.h"
@@ -52,6 +53,9 @@ int main(void)
 #ifdef IMU_BAUD
     imu_init();
 #endif
+#if HAS_CHANNELS
+    channel_pins_init();
+#endif
     set_sleep_mode(SLEEP_MODE_IDLE);
     wdt_enable(WDTO_250MS);  // a board whose loop stops is reset, which ends the pulses
     sei();
@@ -62,8 +66,16 @@ int main(void)
             reset_keep(pulses);
         }
         receive();
+#if HAS_CHANNELS
+        uint8_t passed = clock_elapsed();
+        for (uint8_t ms = passed; ms; ms--)
+            protocol_tick(&protocol);
+        if (passed)
+            channel_pins_elapsed(protocol.channels, passed);
+#else
         for (uint8_t ms = clock_elapsed(); ms; ms--)
             protocol_tick(&protocol);
+#endif
 #ifdef IMU_BAUD
         pass_imu_line();
 #endif

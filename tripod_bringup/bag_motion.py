@@ -1,6 +1,7 @@
 """The motion of the joints that a recording holds, for the robot."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -40,61 +41,69 @@ def joint_path(bag: Bag, wanted: Callable[[str], bool]) -> JointPath:
                 f"{bag.info.path} contains {len(topics)} robots, {', '.join(topics)}: choose one with --topics"
             )
         if topics:
-            refuse_others(bag, topics[0])
-            times, joints = read(bag, topics[0])
+            times, joints, named = read(bag, topics[0])
             if len(times):
-                return _rising(times, joints, len(joints[0]) - (read is _commanded))
+                return _rising(times, joints, named)
     raise RecordError(
         f"{bag.info.path} contains no motion of the joints ({names.COMMANDS}, "
         f"{names.ROBOT_JOINT_STATES} or {TRAJECTORY}); record one of these topics"
     )
 
 
-def refuse_others(bag: Bag, topic: str) -> None:
-    """Raise RecordError where a topic commands joints that are no servos: a robot's driver has none."""
-    for heard in bag.messages(topic.__eq__):
-        message = bag.decoded(heard)
-        if topic.endswith(f"/{names.COMMANDS}"):
-            told = message.layout.dim[-1].label.split()[HEAD:] if message.layout.dim else []
-            others = sorted(set(told) - set(names.joint_names(len(told))))
-            if others:
-                raise RecordError(
-                    f"{bag.info.path} commands {', '.join(others)}, which no driver moves so far; simulate "
-                    "the session again with --to sim, or play one of servos alone"
-                )
-            return
+Motion = tuple[list[float], list[FloatArray], list[str]]
+"""Times [s], joint values at each, and the names of these joints."""
 
 
-def _commanded(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
+def _commanded(bag: Bag, topic: str) -> Motion:
     times: list[float] = []
     joints: list[FloatArray] = []
+    named: list[str] = []
     for heard in bag.messages(topic.__eq__):
         message = bag.decoded(heard)
         width = message.layout.dim[-1].size if message.layout.dim else 0
         if width <= HEAD or len(message.data) % width:
             continue
+        told = message.layout.dim[-1].label.split()[HEAD:]
+        if len(told) != width - HEAD:  # of an older recorder, of servos
+            told = list(names.joint_names(width - HEAD - 1))
+        if named and told != named:
+            raise RecordError(
+                f"{topic} changes from {', '.join(named)} to {', '.join(told)}: choose a part with --start"
+            )
+        named = told
         rows = np.asarray(message.data).reshape(-1, width)
         # stamps are the simulator's, places in the recording the recorder's: the last of the rows has just been made
         for row in rows:
             times.append(1e-9 * (heard.log_time - bag.start) - 1e-9 * (rows[-1, 3] - row[3]))
             joints.append(row[HEAD:])
-    return times, joints
+    return times, joints, named
 
 
-def _sent(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
+def _sent(bag: Bag, topic: str) -> Motion:
     times: list[float] = []
     joints: list[FloatArray] = []
+    named: list[str] = []
     for heard in bag.messages(topic.__eq__):
         message = bag.decoded(heard)
-        angles = dict(zip(message.name, message.position, strict=False))
-        row = np.array([angles[name] for name in names.servo_names(names.count_servos(angles))])
-        if len(row) and np.isfinite(row).all() and (not joints or len(joints[0]) == len(row)):
+        values = dict(zip(message.name, message.position, strict=False))
+        efforts = zip(message.name, message.effort, strict=False)
+        values |= {name: effort for name, effort in efforts if np.isnan(values.get(name, np.nan))}
+        told = _ordered([name for name in message.name if name != names.SLIDE])
+        row = np.array([values.get(name, np.nan) for name in told])
+        if len(row) and np.isfinite(row).all() and (not joints or told == named):
+            named = told
             times.append(1e-9 * (heard.log_time - bag.start))
             joints.append(row)
-    return times, joints
+    return times, joints, named
 
 
-def _planned(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
+def _ordered(joints: Sequence[str]) -> list[str]:
+    """Return the servos in their order, then the others in theirs."""
+    servos = names.servo_names(names.count_servos(joints))
+    return [*servos, *(name for name in joints if name not in servos)]
+
+
+def _planned(bag: Bag, topic: str) -> Motion:
     """Return the motion of a joint that follows each trajectory until the next one comes, as ROS's controllers do.
 
     A trajectory begins when it was recorded or, if that is later, at its own stamp. Until its first point the joint
@@ -102,16 +111,19 @@ def _planned(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
     """
     times: list[float] = []
     joints: list[FloatArray] = []
+    named: list[str] = []
     for heard in bag.messages(topic.__eq__):
         message = bag.decoded(heard)
         if not message.points:
             continue
-        rows = [_row(topic, message.joint_names, point.positions) for point in message.points]
-        if joints and len(rows[0]) != len(joints[0]):
+        told = _ordered([name for name in message.joint_names if name != names.SLIDE])
+        rows = [_row(topic, told, message.joint_names, point) for point in message.points]
+        if joints and told != named:
             raise RecordError(
-                f"{topic} changes from {len(joints[0])} joints to {len(rows[0])}: two robots on one topic? "
-                "Record them in namespaces of their own"
+                f"{topic} changes from {', '.join(named)} to {', '.join(told)}: two robots on one topic? Record them "
+                "in namespaces of their own"
             )
+        named = told
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         begin = 1e-9 * (
             max(heard.log_time, stamp if stamp < bag.start + 1e9 * bag.info.duration else 0) - bag.start
@@ -124,22 +136,31 @@ def _planned(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
         times[kept:], joints[kept:] = places, rows
     if len(times) == 1:
         times, joints = [times[0], times[0] + STAY], joints * 2
-    return times, joints
+    return times, joints, named
 
 
-def _row(topic: str, joints: list[str], positions: FloatArray) -> FloatArray:
-    """Return the angles of a point of a trajectory in the order of the servos. Raises RecordError."""
-    servos = names.servo_names(names.count_servos(joints))
-    if not servos or len(positions) != len(joints) or not np.isfinite(positions).all():
+def _row(topic: str, wanted: Sequence[str], told: Sequence[str], point: Any) -> FloatArray:
+    """Return what a point of a trajectory asks of the joints `wanted`: its position, or its effort where it has none.
+
+    Raises RecordError.
+    """
+    given = {len(point.positions), len(point.effort)}
+    positions = dict(zip(told, point.positions, strict=False))
+    efforts = dict(zip(told, point.effort, strict=False))
+    row = [positions.get(n, 0.0) if efforts.get(n, 0.0) in (0.0, None) else efforts[n] for n in wanted]
+    if not wanted or not given <= {0, len(told)} or given == {0} or not np.isfinite(row).all():
         raise RecordError(
-            f"{topic} holds a point with {len(positions)} positions of the joints {', '.join(joints) or '(none)'}; "
-            "each of servo_0, servo_1, ... needs one finite number"
+            f"{topic} holds a point with {len(point.positions)} positions of the joints {', '.join(told) or '(none)'}; "
+            "each needs one finite number, a position or an effort"
         )
-    angles = dict(zip(joints, positions, strict=True))
-    return np.array([angles[name] for name in servos])
+    return np.array(row)
 
 
-def _rising(times: list[float], joints: list[FloatArray], servos: int) -> JointPath:
+def _rising(times: list[float], joints: list[FloatArray], named: Sequence[str]) -> JointPath:
+    """Return the motion of the joints `named`, in which the slide, if it is known, is the last."""
     t = np.maximum.accumulate(np.array(times))
     kept = np.append(np.diff(t) > 0, True)
-    return JointPath(t[kept], np.array(joints)[kept], servos)
+    servos = names.count_servos(named)
+    others = tuple(name for name in named[servos:] if name != names.SLIDE)
+    width = len(named) if servos else len(others)  # without servos there is nothing that slides
+    return JointPath(t[kept], np.array(joints)[kept, :width], servos, others)

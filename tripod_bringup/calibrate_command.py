@@ -254,6 +254,17 @@ def calibrating_sessions(protocol: str, known: Calibration) -> list[Session]:
     return choose_sessions(protocol, AngleMapping.ROUNDED, pulses, needed=shaft_calibration(known))
 
 
+def servo_calibration(file: Path) -> Calibration:
+    """Return the calibration in a file, of a robot of servos. Raises CalibrationError."""
+    known = read_calibration(file)
+    if known.channels:
+        raise CalibrationError(
+            f"{file} has winches and pressures ({', '.join(known.channels)}), which this command cannot measure; "
+            "measure drum and sensor, and write their fields into the file by hand"
+        )
+    return known
+
+
 def known_calibration(file: Path, servos: int | None) -> Calibration:
     """Return the calibration to begin with: that of `file`, else the workshop's of `servos` servos, by default three.
 
@@ -261,7 +272,7 @@ def known_calibration(file: Path, servos: int | None) -> Calibration:
     """
     if not os.path.lexists(file):
         return Calibration((ServoCalibration(),) * (servos or SERVO_COUNT))
-    known = read_calibration(file)
+    known = servo_calibration(file)
     if servos not in (None, len(known.servos)):
         raise CalibrationError(
             f"{file} is the calibration of {len(known.servos)} servos, but --servos is {servos}; give another file"

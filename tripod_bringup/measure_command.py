@@ -5,14 +5,20 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tripod_bringup.calibrate_command import BAD_ARGUMENTS, FAILED, INTERRUPTED, calibrate
+from tripod_bringup.calibrate_command import (
+    BAD_ARGUMENTS,
+    FAILED,
+    INTERRUPTED,
+    calibrate,
+    servo_calibration,
+)
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.identify_command import identified, tell_found
 from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, Sensor, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_bringup.run_command import progress_bar
 from tripod_driver.calibration import Calibration, CalibrationError
-from tripod_driver.calibration_file import calibration_text, read_calibration
+from tripod_driver.calibration_file import calibration_text
 from tripod_driver.choose_session import choose_sessions
 from tripod_driver.ports.choose import choose_port
 from tripod_driver.protocol import AngleMapping
@@ -58,7 +64,7 @@ def measure_command(
     try:
         if sensor not in LOOKS:
             raise DataError(f"--identify is {sensor!r}; allowed: {', '.join(LOOKS)}")
-        known = read_calibration(file)
+        known = servo_calibration(file)
         data = data or file.with_name(f"{file.stem}_poses.csv")
         out = out or file.with_name(f"{file.stem}_scene.toml")
         if report is not None:

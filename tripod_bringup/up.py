@@ -68,7 +68,7 @@ class UpOptions:
         subnet: Whether ROS discovery may leave this machine.
         values: Parameters, by node and name.
         verbose: Whether to show what the nodes log as information.
-        undriven: Joints of the scene that the driver does not know; it then does not run.
+        undriven: Why no driver runs, empty if one does.
     """
 
     record: Path | None = None
@@ -81,7 +81,7 @@ class UpOptions:
     subnet: bool = False
     values: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     verbose: bool = False
-    undriven: tuple[str, ...] = ()
+    undriven: str = ""
 
 
 @dataclass
@@ -157,9 +157,7 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
 def _run(options: UpOptions, screen: Screen) -> int:
     facts = Facts()
     if options.undriven:
-        screen.line(
-            f"simulated only: {', '.join(options.undriven)}; the driver knows servos, so it does not start"
-        )
+        screen.line(options.undriven)
     with _graph(options, screen.line) as graph:
         supervisor = Supervisor(
             stages(options, facts, graph.watch),

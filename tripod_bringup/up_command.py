@@ -30,11 +30,14 @@ from tripod_graph.namespace import full_namespace
 TWICE = {"--port": ("driver", "port"), "--view-port": ("view", "port"), "--record": ("record", "directory")}
 """Options that say the same as a parameter of a node."""
 
+CHANNEL_UNITS = ("m", "Pa")
+"""Of the joints beside servos that a board drives: winches and pressures."""
+
 if TYPE_CHECKING:
     from rclpy.executors import Executor
 
     from tripod_bringup.script_player import ScriptPlayer
-    from tripod_sim.tables.joints import Joints
+    from tripod_sim.tables.joints import Actuator, Joints
 
 
 def up_command(
@@ -79,7 +82,7 @@ def up_command(
             with naming(node):
                 check_values(node, given)
         joints = servos_of(scene, words_of_set(values))
-        undriven = tuple(a.name for a in joints.others) if joints else ()
+        undriven = why_undriven(joints.others) if joints else ""
         script = joint_path(scene, words_of_set(values), servo, slide)
         if script and demo:
             raise ValueError("--demo moves the robot itself; leave out --servo")
@@ -157,7 +160,11 @@ def chain_values(
     joints = servos_of(scene, words_of_set(values))
     servos = len(joints.arms) if joints else None
     angles = angle_limits(joints) if joints and joints.arms else {}
-    count = {} if servos in (None, 0, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
+    count = {} if servos in (None, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
+    driven = joints.others if joints and not why_undriven(joints.others) else ()
+    channels = (
+        {"channels": "; ".join(f"{a.name} {a.unit} {a.low:g} {a.high:g}" for a in driven)} if driven else {}
+    )
     told = str(values.get("driver", {}).get("servos", servos))
     if servos and told != str(servos):
         raise ValueError(f"driver.servos is {told}, but scene {scene!r} has {servos} servos; leave it out")
@@ -166,7 +173,7 @@ def chain_values(
     asked: dict[str, dict[str, object]] = {
         "sim": {"scene": scene, **angles},
         "ik": own,
-        "driver": {"port": port, **count, **angles},
+        "driver": {"port": port, **count, **channels, **angles},
     }
     return {node: {**asked.get(node, {}), **values.get(node, {})} for node in (*asked, *values)}
 
@@ -313,6 +320,18 @@ def servos_of(scene: str, overrides: Sequence[str]) -> "Joints | None":
     from tripod_sim.tables.short_forms import joints_of  # noqa: PLC0415
 
     return joints_of(load_scene(scene, overrides))
+
+
+def why_undriven(others: "Sequence[Actuator]") -> str:
+    """Return why no driver starts for a robot with these joints beside servos; empty if one does."""
+    from tripod_driver.framed_messages import CHANNELS_MAX  # noqa: PLC0415 - pure and small
+
+    if strange := [a for a in others if a.unit not in CHANNEL_UNITS]:
+        named = ", ".join(f"{a.name} [{a.unit}]" for a in strange)
+        return f"simulated only, without a driver: a board drives angles, lengths [m] and pressures [Pa], not {named}"
+    if len(others) > CHANNELS_MAX:
+        return f"simulated only, without a driver: a board has at most {CHANNELS_MAX} channels, not {len(others)}"
+    return ""
 
 
 def angle_limits(joints: "Joints") -> dict[str, float]:

@@ -10,15 +10,17 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import RobotStatus, SimStatus
 
 from tripod_graph import names
 from tripod_graph.authority import OperatorAuthority
 from tripod_graph.control_mode import Speaker, clocks, listen
+from tripod_graph.joint import Joint
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
+from tripod_graph.trajectory import point_of
 from tripod_graph.transport import Transport
 from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
@@ -33,8 +35,9 @@ AHEAD = 0.4
 SPACING = 0.02
 """Time between its points [s]."""
 
-NEAR = 0.03
-"""Distance from the first pose at which the motion begins [rad]; packets have whole degrees at the coarsest."""
+NEAR, NEAR_SHARE = 0.03, 0.02
+"""Distance from the first pose at which the motion begins [rad]; packets have whole degrees at the coarsest. The same
+of other joints, as a share of their range."""
 
 PATIENCE = 10.0
 """Time within which a driver must be heard, and within which the servos arrive after a ramp [s]."""
@@ -60,15 +63,13 @@ class Follower:
         able: Whether it can move now.
         follows: Whether it follows a trajectory now.
         message: Why it cannot move, or does not follow.
-        lower, upper, speed: Ranges [rad] and slew rates [rad/s] of its servos.
+        joints: Its joints, without the slide.
     """
 
     able: bool
     follows: bool
     message: str
-    lower: Sequence[float]
-    upper: Sequence[float]
-    speed: Sequence[float]
+    joints: tuple[Joint, ...]
 
 
 class ReplayNode(Node):
@@ -107,6 +108,7 @@ class ReplayNode(Node):
         self._path, self._start, self._rate = path, start, rate
         self._authority = OperatorAuthority(new_source(name or "bag_play", self.get_namespace()))
         self._follower: Follower | None = None
+        self._joints: tuple[Joint, ...] = ()  # the follower's in the order of the path, once they are checked
         self._simulated = simulated
         self._here: FloatArray | None = None
         self._since = time.monotonic()
@@ -180,7 +182,7 @@ class ReplayNode(Node):
                 )
         able, follows = m.state in MOVING, m.state == RobotStatus.ACTIVE
         why = f"the driver cannot move: {m.message or ('it holds' if able else 'no robot is connected')}"
-        self._hear(able, follows, why, m.lower, m.upper, m.speed)
+        self._hear(able, follows, why, m, m.speed)
 
     def _on_simulator(self, m: SimStatus) -> None:
         if self._has_driver:
@@ -190,10 +192,15 @@ class ReplayNode(Node):
             return
         able, follows = m.state in SIMULATING, m.state == SimStatus.RUNNING
         why = f"the simulator cannot move: {m.message or ('it holds' if able else 'it is paused')}"
-        self._hear(able, follows, why, m.lower, m.upper, self._simulated or [math.inf] * len(m.lower))
+        self._hear(able, follows, why, m, self._simulated or [math.inf] * len(m.lower))
 
-    def _hear(self, able: bool, follows: bool, why: str, *bounds: Sequence[float]) -> None:
-        self._follower = Follower(able, follows, why, *bounds)
+    def _hear(
+        self, able: bool, follows: bool, why: str, m: RobotStatus | SimStatus, speed: Sequence[float]
+    ) -> None:
+        named = m.joint_names or names.servo_names(len(m.lower))
+        units = m.units or ["rad"] * len(named)
+        rows = zip(named, units, m.lower, m.upper, speed, strict=False)
+        self._follower = Follower(able, follows, why, tuple(Joint(*row) for row in rows))
         if follows:
             self._deaf_since = None
         elif self._deaf_since is None:
@@ -202,8 +209,12 @@ class ReplayNode(Node):
     def _on_joints(self, message: JointState, *, of_driver: bool) -> None:
         if of_driver != self._has_driver:
             return
-        angles = dict(zip(message.name, message.position, strict=False))
-        here = np.array([angles.get(name, math.nan) for name in names.servo_names(self._path.servos)])
+        if self._follower is None:
+            return
+        found = dict(zip(message.name, message.position, strict=False))
+        efforts = dict(zip(message.name, message.effort, strict=False))
+        found |= {j.name: efforts.get(j.name, math.nan) for j in self._follower.joints if j.is_effort}
+        here = np.array([found.get(name, math.nan) for name in self._path.names])
         if np.isfinite(here).all():
             self._here = here
 
@@ -233,7 +244,7 @@ class ReplayNode(Node):
     def _begin(self, now: float) -> None:
         """Check everything before anything moves."""
         follower = self._follower
-        if follower is None or not follower.lower or self._commands.get_subscription_count() == 0:
+        if follower is None or not follower.joints or self._commands.get_subscription_count() == 0:
             if now - self._since > PATIENCE:
                 self._end(f"no driver and no simulator is running here: {NO_DRIVER}")
             return
@@ -245,36 +256,35 @@ class ReplayNode(Node):
             self._end(f"{name_of(tracker.source)} is already playing: stop it first")
             return
         try:
-            self._path.check(
-                follower.lower, follower.upper, follower.speed, start=self._start, rate=self._rate
-            )
+            self._joints = self._path.check(follower.joints, start=self._start, rate=self._rate)
         except PlayError as error:
             self._end(str(error))
             return
         first = self._path.at(self._start)
-        servos = self._path.servos
-        here = first[:servos] if self._here is None else self._here
-        self._ramp = (np.concatenate([here, first[servos:]]), now)
-        self._arrival = now + ramp_time(here, first, follower.speed)
+        size = self._path.size
+        here = first[:size] if self._here is None else self._here
+        self._ramp = (np.concatenate([here, first[size:]]), now)
+        self._arrival = now + ramp_time(here, first, self._joints)
         self._speaker.decide(Mode.REPLAY)
 
     def _approach(self, now: float) -> None:
         assert self._ramp
         assert self._arrival is not None
         here, began = self._ramp
-        first, servos = self._path.at(self._start), self._path.servos
+        first = self._path.at(self._start)
         if now < self._arrival:
             grid = np.arange(now, now + AHEAD, SPACING)
             share = np.clip((grid - began) / (self._arrival - began), 0.0, 1.0)[:, None]
             self._send(grid - now, here + share * (first - here))
             return
         self._send(np.zeros(1), first[None])
-        if self._here is not None and np.abs(self._here - first[:servos]).max() < NEAR:
+        near = [NEAR if joint.unit == "rad" else NEAR_SHARE * joint.span for joint in self._joints]
+        if self._here is not None and (np.abs(self._here - first[: len(near)]) < near).all():
             self._transport, self._played_at = Transport(self._start, self._rate, now), now
         elif now > self._arrival + PATIENCE + 2 * (self._arrival - began):
+            pose = ", ".join(j.shown(value) for j, value in zip(self._joints, first, strict=False))
             self._end(
-                f"the servos did not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:servos])} "
-                "rad; check that the driver is active and nothing blocks them"
+                f"the robot did not reach the first pose, {pose}; check that the driver is active and nothing blocks it"
             )
 
     def _play(self, transport: Transport, now: float) -> None:
@@ -297,11 +307,12 @@ class ReplayNode(Node):
 
     def _send(self, times: FloatArray, joints: FloatArray) -> None:
         """Command poses, shape (n, joints), at times from now [s]."""
-        named = names.joint_names(self._path.servos)[: joints.shape[1]]
-        message = JointTrajectory(joint_names=list(named))
+        slide = Joint(names.SLIDE, "m", 0.0, 0.0, 0.0)
+        table = (*self._joints, slide)[: joints.shape[1]]
+        message = JointTrajectory(joint_names=[joint.name for joint in table])
         message.header.frame_id = self._authority.source
-        message.points = [
-            JointTrajectoryPoint(positions=row.tolist(), time_from_start=Duration(seconds=float(t)).to_msg())
-            for t, row in zip(times, joints, strict=True)
-        ]
+        for row, time_from_start in zip(joints, times, strict=True):
+            point = point_of(row, table)
+            point.time_from_start = Duration(seconds=float(time_from_start)).to_msg()
+            message.points.append(point)
         self._commands.publish(message)

@@ -40,20 +40,24 @@ class JointWatch:
         self, names: Sequence[str], positions: Sequence[float], now: float, efforts: Sequence[float] = ()
     ) -> None:
         """Take a joint state of the simulator; raises JointError."""
-        self._sim = self._told(names, positions, now, efforts)
+        self._sim = self._told(names, positions, now, efforts, self.others)
 
     def hear_robot(
-        self, names: Sequence[str], positions: Sequence[float], now: float, _: Sequence[float] = ()
+        self, names: Sequence[str], positions: Sequence[float], now: float, efforts: Sequence[float] = ()
     ) -> None:
-        """Take a joint state of the driver, which has servos only; raises JointError."""
-        self._robot = self._told(names, positions, now, None)
+        """Take a joint state of the driver; raises JointError."""
+        others = [joint for joint in self.others if joint.name in names]
+        self._robot = self._told(names, positions, now, efforts, others)
 
     def _told(
-        self, names: Sequence[str], positions: Sequence[float], now: float, efforts: Sequence[float] | None
+        self,
+        names: Sequence[str],
+        positions: Sequence[float],
+        now: float,
+        efforts: Sequence[float],
+        others: Sequence[Joint],
     ) -> tuple[Joints, int, float]:
-        values = joint_values(
-            names, positions, () if efforts is None else efforts, () if efforts is None else self.others
-        )
+        values = joint_values(names, positions, efforts, others)
         self.servos = count_servos(names)
         return values, self.servos, now
 
@@ -66,7 +70,7 @@ class JointWatch:
             return None
         if robot is None:
             return sim and sim[0]
-        return robot[0][: robot[1]] + (sim[0][sim[1] :] if sim else ())
+        return robot[0] + (sim[0][len(robot[0]) :] if sim else ())
 
 
 def joint_values(

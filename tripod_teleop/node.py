@@ -179,7 +179,11 @@ class TeleopNode(Node):
         self._idle = "" if message.state == RobotStatus.ACTIVE else message.message
         self._idle_at = time.monotonic()
         if not (self._watch.servos or self._watch.others) and len(message.joint_names):
-            self._fit(len(message.joint_names), ())
+            told = joints_told(
+                message.joint_names, message.units, message.lower, message.upper, message.speed
+            )
+            self._watch.others = told
+            self._fit(names.count_servos(message.joint_names), told)
         now = time.monotonic()
         if self._range.hear(message.lower, message.upper, message.speed, now, message.joint_names):
             self._keep_range()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tripod_graph import names
 from tripod_graph.command import CommandLimits
 from tripod_graph.joint import Joint
 from tripod_host.arrays import FloatArray
@@ -183,7 +184,7 @@ class Display:
     def keep_robot(self, status: words.RobotFields) -> None:
         """Keep a status of the driver."""
         self._robot = Heard(status, time.monotonic())
-        self._find_robot(len(status.joint_names))
+        self._find_robot(names.count_servos(status.joint_names))
 
     def _find_robot(self, servos: int) -> None:
         if servos and self._scene.find_robot(servos):

@@ -268,17 +268,19 @@ class ViewNode(Node):
 
     def _on_joints(self, topic: str, message: JointState) -> bool:
         try:
-            others = self._others if topic == names.SIM_JOINT_STATES else ()
+            others = self._others
+            if topic == names.ROBOT_JOINT_STATES:  # whose driver may know fewer
+                others = tuple(joint for joint in others if joint.name in message.name)
             joints = joint_values(message.name, message.position, message.effort, others)
             self._fit(names.count_servos(message.name))
         except (JointError, CommandError) as error:
             self._refuse(topic, error)
             return False
-        if len(joints) != self._control.limits.size + 1:  # the driver knows servos only
+        if len(joints) != self._control.limits.size + 1:
             return False
         self._control.measure(joints, time.monotonic())
         efforts = np.asarray(message.effort, float)[: len(joints) - 1]
-        if others and len(message.position) >= len(efforts):
+        if others and len(message.position) >= len(efforts) == len(joints) - 1:
             table = dict(zip(message.name, zip(message.position, message.effort, strict=False), strict=False))
             efforts = np.array([table[j.name][not j.is_effort] for j in self._control.limits.table[:-1]])
         told = len(efforts) == len(joints) - 1 and bool(np.isfinite(efforts).all())
@@ -316,7 +318,7 @@ class ViewNode(Node):
     def _on_robot_status(self, message: RobotStatus) -> None:
         self._display.keep_robot(message)
         if self._sim_joints_at == float("-inf") and len(message.joint_names):
-            self._fit(len(message.joint_names))
+            self._fit(names.count_servos(message.joint_names))
         now = time.monotonic()
         if self._range.hear(message.lower, message.upper, message.speed, now, message.joint_names):
             self._keep_range()

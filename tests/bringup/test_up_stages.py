@@ -22,6 +22,7 @@ from tripod_graph import names
 from tripod_ik import settings
 from tripod_record.recorder import Recorder
 from tripod_record.writer import BagWriter
+from tripod_sim.tables.joints import Actuator
 
 
 class FakeWatch:
@@ -299,9 +300,27 @@ def test_who_has_started_everything_is_told_what_to_do_next() -> None:
     assert (until(), until(), told) == ("", "", [True])
 
 
-def test_a_scene_with_a_cable_runs_without_a_driver() -> None:
-    plan = started(UpOptions(undriven=("tendon",)))
-    assert [[spec.name for spec in stage] for stage in plan] == [[], ["sim", "ik", "view"], []]
-    values = up_command.chain_values({}, "examples/tendon_finger.toml", [], "mock")
-    assert "servos" not in values["driver"]
+@pytest.mark.parametrize(
+    ("scene", "channels"),
+    [
+        ("finger_cable", "left m 0 0.03; right m 0 0.03"),
+        ("finger_pneumatic", "air Pa 0 20000"),
+    ],
+)
+def test_the_driver_knows_the_cables_and_chambers_of_the_scene(scene: str, channels: str) -> None:
+    values = up_command.chain_values({}, scene, [], "mock")
+    assert values["driver"] == {"port": "mock", "servos": 0, "channels": channels}
     assert "angle_min" not in values["sim"]
+
+
+def test_what_no_board_drives_runs_without_a_driver() -> None:
+    plan = started(UpOptions(undriven="push"))
+    assert [[spec.name for spec in stage] for stage in plan] == [[], ["sim", "ik", "view"], []]
+    tension = {"sim": {"set": "cable.0.command=tension"}}
+    values = up_command.chain_values(tension, "examples/tendon_finger.toml", [], "mock")
+    assert "channels" not in values["driver"]
+    pulled = Actuator("tendon", "N", 0.0, 5.0, 0.0, is_effort=True)
+    assert_names(up_command.why_undriven([pulled]), "tendon [N]")
+    assert_names(
+        up_command.why_undriven([Actuator(f"c{i}", "m", 0.0, 1.0, 0.0) for i in range(8)]), "7 channels", "8"
+    )

@@ -29,6 +29,7 @@ struct board {
     avr_irq_t *soft[SERVOS - 2];   // of the pins that software drives
     void (*reset_processor)(struct avr_t *);
     int was_reset;
+    struct { uint8_t mask, value; } driven[4];  // pins that somebody outside drives, of ports A to D
     struct { uint64_t cycle; uint16_t value; } in[INPUT];
     struct { uint64_t cycle; uint8_t value; } out[OUTPUT];
     struct edge edges[EDGES];
@@ -339,7 +340,10 @@ void board_set_memory(struct board *b, uint16_t address, uint8_t value)
 void board_set_pin(struct board *b, char port, int pin, int high)
 {
     // A write to the port's register brings this level back, not that of the pull-up.
-    avr_ioport_external_t level = {.name = port, .mask = 1 << pin, .value = high << pin};
+    uint8_t *mask = &b->driven[port - 'A'].mask, *value = &b->driven[port - 'A'].value;
+    *mask |= 1 << pin;
+    *value = (*value & ~(1 << pin)) | high << pin;
+    avr_ioport_external_t level = {.name = port, .mask = *mask, .value = *value};
     avr_ioctl(b->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &level);
     avr_raise_irq(avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ(port), pin), high);
 }

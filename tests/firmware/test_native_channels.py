@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from tests.firmware.test_native_protocol import NativeProtocol, answers
 from tripod_driver.framed import (
@@ -10,9 +12,11 @@ from tripod_driver.framed import (
     ChannelFlags,
     ChannelKind,
     ChannelState,
+    Decoder,
     DescribeChannel,
     Error,
     ErrorCode,
+    GetChannels,
     Hold,
     HomeChannel,
     Message,
@@ -20,6 +24,7 @@ from tripod_driver.framed import (
     SetChannels,
     encode,
 )
+from tripod_driver.ports.mock_board import MockBoard
 
 KNOWN, HOMING, FAILED = ChannelFlags.KNOWN, ChannelFlags.HOMING, ChannelFlags.HOME_FAILED
 WINCH_SLEW, PRESSURE_SLEW, WINCH_MAX, PRESSURE_MAX = 10, 16, 6000, 800
@@ -78,10 +83,34 @@ def test_a_board_describes_its_channels(board: ChannelBoard) -> None:
 
 def test_a_board_of_servos_only_refuses_messages_on_channels() -> None:
     board = NativeProtocol()
-    for kind, message in ((5, DescribeChannel(0)), (6, SetChannels((1,))), (7, HomeChannel(0))):
+    messages = (DescribeChannel(0), SetChannels((1,)), HomeChannel(0), GetChannels())
+    for kind, message in enumerate(messages, start=5):
         (frame,) = answers(board.receive(encode(message, kind)))
         assert frame.message == Error(ErrorCode.TYPE, kind, kind)
     assert board.close() == 0
+
+
+def test_asking_for_the_states_changes_nothing_and_keeps_nothing(homed: ChannelBoard) -> None:
+    homed.measure(0, 100)
+    homed.set(100, 100)
+    homed.channels(2)
+    assert [c.setpoint for c in homed.ask(GetChannels()).channels] == [2 * WINCH_SLEW, 2 * PRESSURE_SLEW]
+    homed.channels(2)
+    homed.tick(400)
+    assert [c.setpoint for c in homed.ask(GetChannels()).channels] == [4 * WINCH_SLEW, 4 * PRESSURE_SLEW]
+    homed.tick(101)
+    assert [c.setpoint for c in homed.ask(GetChannels()).channels] == [4 * WINCH_SLEW, 0]
+
+
+def test_set_points_keep_homing_alive_and_do_not_begin_it_again(board: ChannelBoard) -> None:
+    board.home()
+    board.channels(20)
+    for _ in range(3):
+        board.tick(400)
+        assert board.set(0, 0)[0].flags == HOMING
+    board.measure(AT_HOME, 0)
+    board.channels()
+    assert board.set(0, 0)[0].flags == KNOWN
 
 
 def test_a_winch_moves_only_after_homing(board: ChannelBoard) -> None:
@@ -177,3 +206,59 @@ def test_a_slack_cable_stops_the_pull(homed: ChannelBoard) -> None:
     homed.channels(5)
     assert homed.set(500, 0)[0].setpoint == 5 * WINCH_SLEW
     assert homed.set(40, 0)[0].flags == KNOWN
+
+
+operation = st.one_of(
+    st.tuples(st.just("set"), st.integers(0, 6100), st.integers(0, 820)),
+    st.tuples(st.just("set"), st.integers(0, 40), st.integers(0, 200)),
+    st.tuples(st.sampled_from(["home", "hold", "release", "get", "break", "mend"])),
+    st.tuples(st.just("wait"), st.sampled_from([1, 3, 20, 60])),
+)
+
+
+HOMED = [("home",), *[("wait", 20), ("set", 0, 0)] * 3]
+UP = [("set", 100, 300), ("wait", 20)] * 3
+FAILED_HARDWARE = [
+    *HOMED,
+    *UP,
+    ("break",),
+    *[("set", 200, 400), ("wait", 3)] * 25,
+    ("set", 50, 100),
+    ("wait", 20),
+]
+
+
+@example([*FAILED_HARDWARE, ("mend",), *UP])
+@example([*HOMED, *UP, ("wait", 60), *UP, ("release",), ("wait", 3), *UP, ("hold",), ("wait", 3)])
+@given(st.lists(operation, max_size=25))
+@settings(max_examples=40, deadline=None)
+def test_the_board_in_memory_does_what_the_firmware_does(operations: list[tuple]) -> None:
+    now = [0.0]
+    mock = MockBoard(lambda: now[0], channels=(ChannelKind.WINCH, ChannelKind.PRESSURE), homed=False)
+    native, decoder = ChannelBoard(), Decoder()
+    messages = {"home": HomeChannel(0), "hold": Hold(), "release": Release(), "get": GetChannels()}
+    try:
+        for word, *values in operations:
+            if word in ("break", "mend"):
+                for channel in mock.channels.all:
+                    channel.broken = word == "break"
+            elif word == "wait":
+                for _ in range(values[0]):
+                    for channel in mock.channels.all:
+                        channel._measure()
+                    native.tick(20)
+                    native.measure(*(channel.measured for channel in mock.channels.all))
+                    native.channels()
+                    now[0] += 0.02 + 1e-9
+                    mock.write(b"")
+            else:
+                message = messages.get(word) or SetChannels(tuple(values))
+                mock.write(encode(message, 1))
+                [frame] = decoder.feed(mock.read())
+                found, wanted = frame.message, native.ask(message)
+                if isinstance(wanted, Error):
+                    assert found == wanted
+            told = [(c.flags, c.setpoint) for c in native.ask(GetChannels()).channels]
+            assert [(c.flags, c.setpoint) for c in mock.channels.all] == told, word
+    finally:
+        assert native.close() == 0

@@ -154,19 +154,23 @@ def test_names_are_played_in_full_and_topics_of_every_node_are_left_out(
 
 
 def trajectory(
-    *points: tuple[float, list[float]], joints: str = "servo_0 servo_1", stamp: float = 0.0
+    *points: tuple[float, list[float]],
+    joints: str = "servo_0 servo_1",
+    stamp: float = 0.0,
+    efforts: list[list[float]] | None = None,
 ) -> bytes:
     T, none = STORE.types, np.zeros(0)
+    asked = [none] * len(points) if efforts is None else map(np.array, efforts)
     sec, nanosec = divmod(round(1e9 * stamp), 10**9)
     header = T["std_msgs/msg/Header"](
         stamp=T["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=""
     )
     rows = [
         T["trajectory_msgs/msg/JointTrajectoryPoint"](
-            positions=np.array(angles), velocities=none, accelerations=none, effort=none,
+            positions=np.array(angles), velocities=none, accelerations=none, effort=effort,
             time_from_start=T["builtin_interfaces/msg/Duration"](sec=int(time), nanosec=round(1e9 * (time % 1))),
         )
-        for time, angles in points
+        for (time, angles), effort in zip(points, asked, strict=True)
     ]  # fmt: skip
     message = T[TRAJECTORY](header=header, joint_names=joints.split(), points=rows)
     return bytes(STORE.serialize_cdr(message, TRAJECTORY))
@@ -212,17 +216,25 @@ def test_a_trajectory_of_one_pose_can_be_played(motion: Callable[..., Any]) -> N
     assert path.at(path.end).tolist() == [-0.4, 0.1]
 
 
+def test_cables_and_chambers_are_followed_by_their_names(motion: Callable[..., Any]) -> None:
+    message = trajectory(
+        (0.0, [0.01, 0.0]), (1.0, [0.02, 0.0]), joints="left air", efforts=[[0.0, 5e3], [0.0, 9e3]]
+    )
+    path = motion((0.0, message))
+    assert (path.servos, path.names) == (0, ("left", "air"))
+    np.testing.assert_allclose(path.at(0.5), [0.015, 7e3])
+
+
 @pytest.mark.parametrize(
     ("message", "named"),
     [
-        (trajectory((0.0, [0.1, 0.2]), joints="shoulder elbow"), ("shoulder, elbow", "servo_0")),
         (trajectory((0.0, [0.1])), ("1 positions", "servo_0, servo_1")),
         (trajectory((0.0, [0.1, np.nan])), ("finite", "servo_0, servo_1")),
         (trajectory(), ("no motion", TRAJECTORY)),
     ],
-    ids=["other joints", "too few", "nan", "empty"],
+    ids=["too few", "nan", "empty"],
 )
-def test_a_trajectory_that_is_not_of_the_servos_is_refused(
+def test_a_trajectory_that_no_joint_can_follow_is_refused(
     motion: Callable[..., Any], message: bytes, named: tuple[str, ...]
 ) -> None:
     with raises_naming(RecordError, *named):
