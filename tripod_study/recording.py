@@ -14,6 +14,7 @@
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
 | `actuator_positions`, `actuator_efforts` | k, a | of other actuators [m or m³], [N or Pa]; with any |
+| `cables`, `cable_points` | k, p, 3 and c | points of all cables [m], and how many each cable has; with any |
 | `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
 | `slide` | k | of the servo bodies [m] |
 | `ball` | k, 7 | pose of the ball; with a ball |
@@ -43,6 +44,7 @@ UNITS = {
     "time": "s",
     "positions": "m",
     "vertices": "m",
+    "cables": "m",
     "energies": "J",
     "effector": "m, m, m, 1, 1, 1, 1",
     "angles": "rad",
@@ -87,6 +89,10 @@ class Recording:
         }
         if others := len(simulation.efforts) - servos:
             shapes |= {"actuator_positions": (others,), "actuator_efforts": (others,)}
+        cables = simulation.cables(simulation.positions)
+        points = [len(path) for path in cables.values()]
+        if cables:
+            shapes["cables"] = (sum(points), 3)
         if own_skin:
             shapes["vertices"] = (len(simulation.skin.nodes), 3)
         if simulation.effector:
@@ -108,7 +114,7 @@ class Recording:
                 f"the results of the run need {size / 1000000000.0:.1f} GB of memory, more than is free; "
                 "shorten --duration or enlarge dt"
             ) from None
-        self._still = _still(simulation)
+        self._still = _still(simulation) | ({"cable_points": np.array(points)} if cables else {})
         there = {*shapes, *self._still, "event_times"}
         self._still["units"] = np.array(json.dumps({n: unit for n, unit in UNITS.items() if n in there}))
         self._events: list[tuple[float, str]] = []
@@ -131,6 +137,8 @@ class Recording:
         if count > servos:
             joints, efforts = simulation.joint_work()
             a["actuator_positions"][k], a["actuator_efforts"][k] = joints[servos:count], efforts[servos:]
+        if "cables" in a:
+            a["cables"][k] = np.concatenate(list(simulation.cables(positions).values()))
         if "vertices" in a:
             a["vertices"][k] = simulation.shown(positions)
         for name, pose in (("effector", simulation.effector), ("ball", simulation.ball)):

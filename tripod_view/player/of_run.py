@@ -15,7 +15,7 @@ from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
-from tripod_view.player.shapes import Shape, ball, box, disc
+from tripod_view.player.shapes import Shape, ball, box, disc, tube
 from tripod_view.shade import shade
 
 Arrays = Mapping[str, Any]
@@ -29,6 +29,10 @@ OBSTACLE, MAZE, GOAL, BALL, BELT = (
     (205, 45, 45),
     (250, 240, 225),
 )
+
+CABLE = (40, 60, 80)
+CABLE_RADIUS = 0.005
+"""Of a cable as it is drawn, over the size of what is shown first."""
 
 DISC_HEIGHT = 0.006
 """Of an effector's disc [m]."""
@@ -63,14 +67,14 @@ SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "effector": (STEPS, 7), "angles": (STEPS, None), "torques": (STEPS, None), "slide": (STEPS,), "ball": (STEPS, 7),
     "rigid": (STEPS, None, 7), "triangles": (None, 3), "bodies": (None,), "arms": (None, 13),
     "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
-    "maze_goal": (4,), "event_times": (None,),
+    "maze_goal": (4,), "event_times": (None,), "cables": (STEPS, None, 3), "cable_points": (None,),
 }  # fmt: skip
 """Shapes of the arrays of numbers; None: any length."""
 
 MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name != "time")
 """Arrays that have a row for each time."""
 
-WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles")
+WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points")
 """Arrays of whole numbers."""
 
 
@@ -107,7 +111,7 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
         description=str(scene.get("description", "")),
         source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * dt:.4g} ms; no robot was moved.",
         times=times,
-        bodies=tuple(_bodies(arrays, shown[steps], scene)),
+        bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, shown, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
@@ -138,6 +142,10 @@ def _check_arrays(arrays: Arrays) -> None:
         raise FilmError(f"triangles: number {bad[0]} names nodes outside 0 to {nodes - 1}")
     if (bodies < 0).any() or bodies.sum() > nodes:
         raise FilmError(f"bodies: they have {bodies.tolist()[:8]} nodes; there are {nodes}")
+    if "cables" in arrays:
+        counts = arrays.get("cable_points", np.zeros(0, int))
+        if (counts < 2).any() or counts.sum() != arrays["cables"].shape[1]:
+            raise FilmError(f"cable_points: at least 2 each, {arrays['cables'].shape[1]} together; they are {counts[:8]}")
     texts = arrays.get("event_texts", np.zeros(0))
     if len(np.shape(texts)) != 1 or len(texts) != len(arrays.get("event_times", ())):
         raise FilmError("event_texts: a film needs one for each of event_times")
@@ -197,6 +205,18 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     return found
 
 
+def _cables(arrays: Arrays, shown: FloatArray, steps: NDArray[np.int64]) -> list[Deforming]:
+    """Return the cables as thin tubes."""
+    if "cables" not in arrays:
+        return []
+    radius = CABLE_RADIUS * float(np.linalg.norm(np.ptp(shown[0], axis=0)))
+    ends = np.cumsum([0, *np.asarray(arrays["cable_points"]).tolist()]).tolist()
+    tubes = [tube(arrays["cables"][steps, low:high], radius) for low, high in pairwise(ends)]
+    return [
+        Deforming(f"cable {k}", triangles, vertices, CABLE) for k, (vertices, triangles) in enumerate(tubes, 1)
+    ]
+
+
 def _rigid_names(scene: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the names of a scene's rigid bodies, such as `ball`, or `box 1` and `box 2`; then that of its own ball."""
     kinds = [str(body.get("shape", "box")) for body in scene["rigid"]]
@@ -222,8 +242,8 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
             x, y, z, size = np.asarray(arrays["maze_goal"]).tolist()
             vertices, triangles = disc(size, 0.0004)
             found.append(Piece("goal", triangles, vertices + np.array([x, y, z]), GOAL, poses))
-    elif poses is not None:
-        found.append(effector_piece(_effector_shape(scene), poses))
+    elif poses is not None and (shape := _effector_shape(scene)):
+        found.append(effector_piece(shape, poses))
     if "ball" in arrays:
         for (vertices, triangles), colour in zip(
             ball(_number(scene, "ball", "radius")), (BALL, BELT), strict=True
@@ -239,9 +259,11 @@ def _stand(row: FloatArray) -> Stand:
     return Stand(tuple(numbers[:3]), tuple(numbers[3:7]), tuple(numbers[7:10]), *numbers[10:])
 
 
-def _effector_shape(scene: Mapping[str, Any]) -> Shape:
-    """Return what the scene's effector looks like: its first disc, or where there is none, its first platform's box."""
+def _effector_shape(scene: Mapping[str, Any]) -> Shape | None:
+    """Return what the scene's effector looks like: its first disc, else its first platform's box; a point: None."""
     if discs := [part for part in (scene, *scene["body"]) if "effector" in part]:
+        if any(_entry(discs[0], "effector", key) for key in ("set", "point")):
+            return None
         return disc(_number(discs[0], "effector", "radius"), DISC_HEIGHT)
     return box([_number(scene, "platform", 0, "size", axis) for axis in range(3)])
 

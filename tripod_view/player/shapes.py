@@ -54,3 +54,27 @@ def joined(shapes: Sequence[Shape]) -> Shape:
     counts = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)])
     triangles = [t + first for (_, t), first in zip(shapes, counts, strict=False)]
     return np.concatenate([vertices for vertices, _ in shapes]), np.concatenate(triangles)
+
+
+def tube(points: FloatArray, radius: float) -> Shape:
+    """Return a triangular tube along a line that moves.
+
+    Args:
+        points: Of the line in each of k pictures [m], shape (k, n, 3).
+        radius: Of the tube [m].
+
+    Returns:
+        Vertices in each picture, shape (k, 6 (n - 1), 3), and triangles.
+    """
+    along = np.diff(points, axis=1)
+    along /= np.maximum(np.linalg.norm(along, axis=2), 1e-12)[..., None]
+    across = np.cross(along, np.where(np.abs(along[..., 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    across /= np.maximum(np.linalg.norm(across, axis=2), 1e-12)[..., None]
+    turn = 2 * np.pi * np.arange(3) / 3
+    ring = radius * (
+        np.cos(turn)[:, None] * across[:, :, None] + np.sin(turn)[:, None] * np.cross(along, across)[:, :, None]
+    )  # (k, n - 1, 3, 3)
+    vertices = np.concatenate([points[:, :-1, None] + ring, points[:, 1:, None] + ring], axis=2)
+    sides = [t for a, b in ((0, 1), (1, 2), (2, 0)) for t in ((a, b, b + 3), (a, b + 3, a + 3))]
+    triangles = np.array(sides) + 6 * np.arange(along.shape[1])[:, None, None]
+    return vertices.reshape(len(points), -1, 3), triangles.reshape(-1, 3)
