@@ -246,6 +246,11 @@ class System:
         return bool(self._actuated)
 
     @property
+    def commands_positions(self) -> bool:
+        """Whether a length or a volume is commanded and resists, as of the last `evaluate`."""
+        return any(term.effort_slope > 0.0 for term in self._actuated)
+
+    @property
     def spans(self) -> FloatArray:
         """By how much commands change where a servo would turn by a radian, shape (actuators,)."""
         return np.array([1.0] * len(self.torques) + [term.span for term in self._actuated])

@@ -110,6 +110,7 @@ def run(
     errors = LargestErrors()
     least = LeastStabilityMargin(simulation, steps)
     stalled_steps, unstable, lowered = [0] * len(simulation.efforts), array("d"), 0.0
+    snapped = array("d")
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
@@ -126,6 +127,8 @@ def run(
                 lowered = max(lowered, report.contact.lowered)
             if report.unstable:
                 unstable.append(simulation.state.time)
+            if report.snapped:
+                snapped.append(simulation.state.time)
             if joints is not None or description.prescribed:  # what works on the body
                 books.add(simulation.energies(), *simulation.joint_work(), simulation.state.time)
             for stall in report.stalled:
@@ -143,7 +146,7 @@ def run(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
     simulation.note(
-        *_unstable(unstable, steps), *_astray(errors.largest, simulation), *_lowered_restitution(lowered)
+        *_unstable(unstable, steps), *_snapped(snapped), *_astray(errors.largest, simulation), *_lowered_restitution(lowered)
     )
     pose, ball, servos = simulation.effector, simulation.ball, len(simulation.driven_frames)
     return {
@@ -278,6 +281,19 @@ def _unstable(times: Sequence[float], steps: int) -> list[str]:
             f"{len(times)} of {steps} steps ended in an unstable equilibrium, first at {times[0]:.4g} s: "
             "a real body would leave it (snap or buckle). Run it with [inertia] to see where it goes; if "
             "a finer mesh or another mesh.element does not report this, the mesh is the cause"
+        )
+    ]
+
+
+def _snapped(times: Sequence[float]) -> list[str]:
+    """Return what is to say of static steps that ended, at some times [s], on another branch of equilibria."""
+    if not times:
+        return []
+    more = f" and in {len(times) - 1} later steps" if len(times) > 1 else ""
+    return [
+        (
+            f"the body snapped through in the step to {times[0]:.4g} s{more}: near the limit point before, a small change "
+            "of load moves it far. Run it with [inertia] to see how it gets there"
         )
     ]
 

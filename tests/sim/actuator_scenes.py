@@ -5,6 +5,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from tools.robot_meshes import lattice
+
 LENGTH, WIDTH, THICK = 0.1, 0.02, 0.015
 """Of the finger and the beam [m]: from the root at x = 0 along x, from y = 0 and z = 0."""
 
@@ -79,4 +81,42 @@ def beam(folder: Path) -> str:
     hollow_block(folder / "hollow.vtk")
     path = folder / "beam.toml"
     path.write_text(f'name = "beam"\n{COMMON}\n[mesh]\nsource = "hollow.vtk"\n', encoding="utf-8")
+    return str(path)
+
+
+DOME = """
+name = "dome"
+dt = 0.02
+duration = 0.4
+[mesh]
+source = "dome.vtk"
+[material]
+young = 300e3
+density = 1070.0
+[[set]]
+name = "base"
+high = [1, 1, 0.004]
+[[fixed]]
+set = "base"
+[[chamber]]
+name = "air"
+range = [-10e3, 10e3]
+[motion]
+actuate = ["air = 0: 0; 0.4: -200Pa"]
+"""
+
+
+def dome(folder: Path, cells: int = 8) -> str:
+    """Write a box of 100 x 100 mm whose thin roof arches by 12 mm over its chamber; return the path of its scene."""
+    x = np.linspace(-0.05, 0.05, cells + 1)
+    i, j, k = np.meshgrid(x, x, np.arange(4), indexing="ij")
+    arch = 0.012 * np.cos(np.pi * i / 0.1) * np.cos(np.pi * j / 0.1)
+    points = np.stack([i, j, np.take([0.0, 0.004, 0.03, 0.032], k) + np.where(k > 1, arch, 0.0)], axis=-1)
+    filled = np.ones((cells, cells, 3), bool)
+    filled[1:-1, 1:-1, 1] = False
+    places, bricks = lattice(points, filled)
+    used, numbers = np.unique(bricks, return_inverse=True)
+    meshio.Mesh(places[used], [("hexahedron", numbers.reshape(-1, 8))]).write(folder / "dome.vtk")
+    path = folder / "dome.toml"
+    path.write_text(DOME, encoding="utf-8")
     return str(path)

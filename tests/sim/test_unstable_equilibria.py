@@ -1,11 +1,13 @@
 """Statics tell of equilibria that a body in motion would leave."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.messages import names
+from tests.sim.actuator_scenes import BY_LENGTH, dome, finger
 from tripod_sim import Simulation, load_scene
 from tripod_sim.mesh import y_piece
 from tripod_study.run import run
@@ -61,3 +63,27 @@ def test_a_mesh_that_buckles_in_the_clamp_is_told_and_level_12_does_not(
     short = y_piece.YLevel(2, 1, 7, 1.31, clamped=3, clamped_grading=1.84)
     monkeypatch.setitem(y_piece.LEVELS, 12, short)
     assert found()
+
+
+def test_a_dome_that_vacuum_everts_is_reported_as_snapped(tmp_path: Path) -> None:
+    scene = dome(tmp_path)
+    simulation = Simulation(load_scene(scene))
+    top = int(np.argmax(simulation.mesh.nodes[:, 2]))
+    heights, found = [simulation.positions[top, 2]], []
+    for pressure in np.linspace(-10.0, -200.0, 20):
+        found.append(simulation.step(np.array([pressure, 0.0])).snapped)
+        heights.append(simulation.positions[top, 2])
+    falls = -np.diff(heights)
+    assert sum(found) == 1
+    assert found.index(True) == np.argmax(falls)
+    assert falls.max() > 0.01  # from an arch of 12 mm to one that hangs
+    assert np.sort(falls)[-2] < 0.001
+    (note,) = (note for note in run(scene)["notes"] if names(note, "snapped", "[inertia]"))
+    assert " at 0 s" not in note
+
+
+def test_a_cable_that_bends_a_robot_far_does_not_snap_it(tmp_path: Path) -> None:
+    simulation = Simulation(load_scene(finger(tmp_path), [*STATIC, BY_LENGTH]))
+    for pull in np.linspace(0.002, 0.03, 15):
+        assert not simulation.step(np.array([pull, 0.0])).snapped
+    assert simulation.markers[0][2] < -0.05

@@ -20,7 +20,12 @@ from tripod_sim.system import System
 
 
 class LoadSteps:
-    """Brings states near to equilibrium where their load would move them far, with scratch of its own."""
+    """Brings states near to equilibrium where their load would move them far, with scratch of its own.
+
+    Attributes:
+        response: How far the unbalanced load of the last `carry` moves a node to first order, the furthest [m];
+            infinite where there was none, or no stable response.
+    """
 
     REACH = 0.1
     """Largest move of a node in an increment, in parts of the largest extent of the body: well below it the increments
@@ -36,6 +41,7 @@ class LoadSteps:
         self._system, self._tolerance = system, tolerance
         self._reach = self.REACH * float(np.ptp(system.rest, axis=0).max())
         self._dx = np.zeros_like(system.rest)
+        self.response = np.inf
         self._start: State | None = None
         self._trial: State | None = None
 
@@ -48,7 +54,7 @@ class LoadSteps:
         The state is left as it was where the load moves it less, or where no reach leads to an equilibrium with a
         potential below that of the start.
         """
-        report, system = NewtonReport(), self._system
+        report, system, self.response = NewtonReport(), self._system, np.inf
         phi = system.evaluate(state)
         if not (np.isfinite(phi) and system.unbalanced() > self._tolerance):
             return report
@@ -57,7 +63,8 @@ class LoadSteps:
         state.copy_to(self._start)
         if not self._respond(state):
             return report
-        if self._furthest() <= self._reach:
+        self.response = self._furthest()
+        if self.response <= self._reach:
             report.factorisations = 1
             return report
         for halving in range(self.HALVINGS + 1):

@@ -51,6 +51,7 @@ class NewtonReport:
         halvings: Times these were rolled back and halved.
         linear_iterations: Of conjugate gradients, where they tell.
         unstable: In statics: whether it ended where the tangent is indefinite.
+        snapped: In statics: whether the load moved the body to another branch of equilibria (snap-through).
         parts: One: the state was advanced by a whole substep.
     """
 
@@ -61,6 +62,7 @@ class NewtonReport:
     halvings: int = 0
     linear_iterations: int = 0
     unstable: bool = False
+    snapped: bool = False
     parts: int = 1
 
 

@@ -1,5 +1,7 @@
 """Quasi-static steps: each ends in equilibrium, reached by increments of load and joints that stay on the branch."""
 
+import numpy as np
+
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.integrator import Integrator
 from tripod_sim.integrators.load_steps import LoadSteps
@@ -10,8 +12,13 @@ from tripod_sim.state import State
 from tripod_sim.system_kernels import same
 
 
+SNAP, LEAST = 3.0, 0.02
+"""An increment snaps if it moves a node further than `SNAP` times the linear response to the load, and than this share of
+the body's largest extent. Up to a limit point equilibria move by at most twice the linear response."""
+
+
 class QuasiStatic(Integrator):
-    """Moves a state from equilibrium to equilibrium, and tells where one is unstable."""
+    """Moves a state from equilibrium to equilibrium, and tells where one is unstable or lies beyond a snap-through."""
 
     newton: Newton
 
@@ -20,6 +27,8 @@ class QuasiStatic(Integrator):
         self.newton, self._watch = newton, watch
         self._loads_help = True
         self._load = LoadSteps(newton.system, newton.tolerance)
+        self._least = LEAST * float(np.ptp(newton.system.rest, axis=0).max())
+        self._before = np.zeros_like(newton.system.rest)
         self._unstable: bool | None = None  # the equilibrium where the last part ended; None: there is none
 
     def forget(self) -> None:
@@ -35,6 +44,8 @@ class QuasiStatic(Integrator):
         if report := self._unchanged(state, joints):
             return report
         self._unstable = None
+        driven = self.newton.system.moves_frames(state.joints, joints)
+        self._before[:] = state.positions
         self.newton.system.command(joints)
         load = self._load.carry(state) if self._loads_help else NewtonReport()
         self._loads_help &= load.halvings <= LoadSteps.HALVINGS  # else a shorter part begins at the same load
@@ -45,6 +56,7 @@ class QuasiStatic(Integrator):
         self._loads_help = True
         report.unstable = self._watch and self.newton.indefinite and not self._is_stable(state)
         self._unstable = report.unstable
+        report.snapped = self._watch and not driven and self._snapped(state)
         return report
 
     def _unchanged(self, state: State, joints: FloatArray) -> NewtonReport | None:
@@ -55,6 +67,13 @@ class QuasiStatic(Integrator):
         system.evaluate(state)
         size = system.unbalanced()
         return NewtonReport(residual=size, unstable=self._unstable) if size <= self.newton.tolerance else None
+
+    def _snapped(self, state: State) -> bool:
+        """Return whether the load has moved `state` to another branch of equilibria; of commanded lengths: not known."""
+        if self._load.response == np.inf or self.newton.system.commands_positions:
+            return False
+        moved = float(np.sqrt(((state.positions - self._before) ** 2).sum(axis=1).max()))
+        return moved > max(SNAP * self._load.response, self._least)
 
     def _is_stable(self, state: State) -> bool:
         """Return whether the tangent is positive definite at `state`, as it is."""

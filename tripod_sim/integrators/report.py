@@ -109,6 +109,7 @@ class StepReport:
         mesh_error: Last estimate of the error of the mesh at the effector; None where the scene does not ask for it.
         asleep: Whether the body is at rest and the next step will not solve for it.
         unstable: Whether a static step ended in an unstable equilibrium: one that a body in motion would leave.
+        snapped: Whether the load of a static step moved the body past a limit point, to another branch of equilibria.
     """
 
     iterations: int = 0
@@ -128,12 +129,13 @@ class StepReport:
     rejected: int = 0
     asleep: bool = False
     unstable: bool = False
+    snapped: bool = False
 
     def add(self, part: "StepReport | NewtonReport") -> None:
         """Add what one more substep took; what is no work is that of the last."""
         for name in SUMMED:
             setattr(self, name, getattr(self, name) + getattr(part, name))
-        self.residual, self.unstable = part.residual, part.unstable
+        self.residual, self.unstable, self.snapped = part.residual, part.unstable, self.snapped or part.snapped
         if not isinstance(part, StepReport):
             return
         self.dt_limit, self.growth, self.grew_at = part.dt_limit, part.growth, part.grew_at

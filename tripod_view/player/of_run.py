@@ -276,8 +276,8 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
             x, y, z, size = np.asarray(arrays["maze_goal"]).tolist()
             vertices, triangles = disc(size, 0.0004)
             found.append(Piece("goal", triangles, vertices + np.array([x, y, z]), GOAL, poses))
-    elif poses is not None:
-        found.append(effector_piece(_effector_shape(scene), poses))
+    elif poses is not None and (shape := _effector_shape(scene)):
+        found.append(effector_piece(shape, poses))
     if "ball" in arrays:
         for (vertices, triangles), colour in zip(
             ball(_number(scene, "ball", "radius")), (BALL, BELT), strict=True
@@ -293,9 +293,11 @@ def _stand(row: FloatArray) -> Stand:
     return Stand(tuple(numbers[:3]), tuple(numbers[3:7]), tuple(numbers[7:10]), *numbers[10:])
 
 
-def _effector_shape(scene: Mapping[str, Any]) -> Shape:
-    """Return what the scene's effector looks like: its first disc, or where there is none, its first platform's box."""
+def _effector_shape(scene: Mapping[str, Any]) -> Shape | None:
+    """Return what the scene's effector looks like: its first disc, else its first platform's box; a point: None."""
     if discs := [part for part in (scene, *scene["body"]) if "effector" in part]:
+        if any(_entry(discs[0], "effector", key) for key in ("set", "point")):
+            return None
         return disc(_number(discs[0], "effector", "radius"), DISC_HEIGHT)
     return box([_number(scene, "platform", 0, "size", axis) for axis in range(3)])
 
