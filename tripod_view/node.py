@@ -474,9 +474,7 @@ class ViewNode(Node):
                 "the last browser was closed or does not answer, while the page was in control: the mode is now STOP"
             )
             self._decide(Mode.STOP)
-            self._control.notice = (
-                "The connection of this page was lost, so the robot was stopped. Working pose moves it again."
-            )
+            self._control.notice = "The connection of this page was lost, so the robot was stopped. Take control to move it again."
 
     # What goes out.
 

@@ -17,7 +17,7 @@ from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, Route, radius, tube
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
-from tripod_view.player.shapes import Shape, ball, box, disc
+from tripod_view.player.shapes import Shape, ball, box, disc, joined
 from tripod_view.shade import shade
 
 Arrays = Mapping[str, Any]
@@ -40,6 +40,9 @@ QUANTITIES = {**POSITION_UNITS, **EFFORT_UNITS}
 
 RETURNED = {"m": "tension", "m³": "pressure", "N": "displacement", "Pa": "volume"}
 """What these give in return."""
+
+DOT = 0.3
+"""Of an effector that is a point or a set: radius of the dot over that of a disc."""
 
 RATE = 50.0
 """Most pictures a second."""
@@ -294,9 +297,10 @@ def _stand(row: FloatArray) -> Stand:
 
 
 def _effector_shape(scene: Mapping[str, Any]) -> Shape:
-    """Return what the scene's effector looks like: its first disc, or where there is none, its first platform's box."""
-    if discs := [part for part in (scene, *scene["body"]) if "effector" in part]:
-        return disc(_number(discs[0], "effector", "radius"), DISC_HEIGHT)
+    """Return what the scene's effector looks like: its first disc, or a dot, or its first platform's box."""
+    if parts := [part for part in (scene, *scene["body"]) if "effector" in part]:
+        size, table = _number(parts[0], "effector", "radius"), parts[0]["effector"]
+        return joined(ball(DOT * size)) if table.get("point") or table.get("set") else disc(size, DISC_HEIGHT)
     return box([_number(scene, "platform", 0, "size", axis) for axis in range(3)])
 
 
