@@ -34,7 +34,7 @@ from tripod_graph.command import CommandError
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
-from tripod_graph.joint import Joint, joints_told
+from tripod_graph.joint import Joint, JointError, joint_values, joints_told
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED, NEWEST, RELIABLE, SENSOR
@@ -49,7 +49,6 @@ from tripod_view.channel import Channel
 from tripod_view.control import PERIOD, STALE, Control
 from tripod_view.display import Display
 from tripod_view.events import Button, Event, Inbox
-from tripod_view.joints import JointError, joint_values
 from tripod_view.json_text import JsonError, table_of
 from tripod_view.messages import (
     StatusError,
@@ -269,7 +268,8 @@ class ViewNode(Node):
     def _on_joints(self, topic: str, message: JointState) -> bool:
         try:
             others = self._others if topic == names.SIM_JOINT_STATES else ()
-            joints = joint_values(message.name, message.position, message.effort, others)
+            values = joint_values(message.name, message.position, message.effort, others)
+            joints = np.array(values if names.SLIDE in message.name else (*values, 0.0))
             self._fit(names.count_servos(message.name))
         except (JointError, CommandError) as error:
             self._refuse(topic, error)
@@ -474,7 +474,9 @@ class ViewNode(Node):
                 "the last browser was closed or does not answer, while the page was in control: the mode is now STOP"
             )
             self._decide(Mode.STOP)
-            self._control.notice = "The connection of this page was lost, so the robot was stopped. Take control to move it again."
+            self._control.notice = (
+                "The page lost its connection, so the robot was stopped. Take control to move it."
+            )
 
     # What goes out.
 

@@ -235,7 +235,9 @@ def _cables(arrays: Arrays, steps: NDArray[np.int64]) -> list[Deforming]:
             raise FilmError(f"cable_nodes: a film needs nodes 0 to {nodes.shape[1] - 1}")
         radii = radius(extent, forces[name][steps] if name in forces else np.ones(len(steps)))
         found.append(
-            Deforming(f"cable {name}", route.triangles, tube(route.points(nodes), radii), TAUT_COLOUR)
+            Deforming(
+                f"cable {name}", route.triangles, tube(route.points(nodes), radii), TAUT_COLOUR, through=True
+            )
         )
     return found
 
