@@ -1,10 +1,11 @@
 """One joint that is commanded: a servo, the slide, a cable, a chamber or a force. Pure."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from tripod_graph.names import servo_names
+from tripod_graph.names import SLIDE, count_servos, servo_names
 
 EFFORT_UNITS: Final = {"N": "force", "Pa": "pressure"}
 """Units of commands that are efforts, and what they are; those of all other joints are positions."""
@@ -29,6 +30,10 @@ ANSWERS: Final = {
     "Pa": (1e6, "mL"),
 }
 """Factor and unit in which people read what a joint gives in return."""
+
+
+class JointError(ValueError):
+    """A joint state that is refused; the message names the joint and why."""
 
 
 @dataclass(frozen=True)
@@ -102,3 +107,30 @@ def joints_told(
         Joint(*row) for row in zip(names, units, lower, upper, speed, strict=True) if row[0] not in servos
     )
     return tuple(joint for joint in told if joint.low < joint.high and joint.speed > 0)
+
+
+def joint_values(
+    names: Sequence[str],
+    positions: Sequence[float],
+    efforts: Sequence[float] = (),
+    others: Sequence[Joint] = (),
+) -> tuple[float, ...]:
+    """Return the angles of all servos [rad], commands of `others` and, if it is named, the slide [m] of a joint state.
+
+    The command of a joint that takes an effort is its effort. Joints of other names are passed over. Raises JointError.
+    """
+    if len(names) != len(positions):
+        raise JointError(f"the message has {len(positions)} positions for {len(names)} joints")
+    told = dict(zip(names, positions, strict=True))
+    done = dict(zip(names, efforts, strict=False))
+    servos = servo_names(count_servos(told))
+    if not (servos or others) or any(n.startswith("servo_") and n not in servos for n in told):
+        raise JointError(f"joint 'servo_{len(servos)}' is missing; joints: {', '.join(names)[:80] or 'none'}")
+    for joint in others:
+        if joint.name not in (done if joint.is_effort else told):
+            raise JointError(f"joint {joint.name!r} is missing; joints: {', '.join(names)[:80] or 'none'}")
+    told |= {joint.name: done[joint.name] for joint in others if joint.is_effort}
+    known = [n for n in (*servos, *(j.name for j in others), SLIDE) if n in told]
+    if strange := [n for n in known if not math.isfinite(told[n])]:
+        raise JointError(f"joint {strange[0]!r} is at {told[strange[0]]}; it must be a finite number")
+    return tuple(float(told[n]) for n in known)

@@ -146,7 +146,10 @@ def run(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
     simulation.note(
-        *_unstable(unstable, steps), *_snapped(snapped), *_astray(errors.largest, simulation), *_lowered_restitution(lowered)
+        *_unstable(unstable, steps),
+        *_snapped(snapped),
+        *_astray(errors.largest, simulation),
+        *_lowered_restitution(lowered),
     )
     pose, ball, servos = simulation.effector, simulation.ball, len(simulation.driven_frames)
     return {

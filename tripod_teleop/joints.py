@@ -1,17 +1,12 @@
 """Where the joints are now, as simulator and driver tell it."""
 
-import math
 from collections.abc import Sequence
 
-from tripod_graph.joint import Joint
-from tripod_graph.names import SLIDE, count_servos, servo_names
+from tripod_graph.joint import Joint, joint_values
+from tripod_graph.names import count_servos
 
 STALE = 1.0
 """Age at which joint values are no longer believed [s]."""
-
-
-class JointError(ValueError):
-    """A joint state that is refused; the message names the joint and why."""
 
 
 Joints = tuple[float, ...]
@@ -71,30 +66,3 @@ class JointWatch:
         if robot is None:
             return sim and sim[0]
         return robot[0] + (sim[0][len(robot[0]) :] if sim else ())
-
-
-def joint_values(
-    names: Sequence[str],
-    positions: Sequence[float],
-    efforts: Sequence[float] = (),
-    others: Sequence[Joint] = (),
-) -> Joints:
-    """Return the angles of all servos [rad], commands of `others` and, if it is named, the slide [m].
-
-    The command of a joint that takes an effort is its effort. Raises JointError.
-    """
-    if len(names) != len(positions):
-        raise JointError(f"the message has {len(positions)} positions for {len(names)} joints")
-    told = dict(zip(names, positions, strict=True))
-    done = dict(zip(names, efforts, strict=False))
-    servos = servo_names(count_servos(told))
-    if not (servos or others) or any(n.startswith("servo_") and n not in servos for n in told):
-        raise JointError(f"joint 'servo_{len(servos)}' is missing; joints: {', '.join(names)[:80] or 'none'}")
-    for joint in others:
-        if joint.name not in (done if joint.is_effort else told):
-            raise JointError(f"joint {joint.name!r} is missing; joints: {', '.join(names)[:80] or 'none'}")
-    told |= {joint.name: done[joint.name] for joint in others if joint.is_effort}
-    known = [n for n in (*servos, *(j.name for j in others), SLIDE) if n in told]
-    if strange := [n for n in known if not math.isfinite(told[n])]:
-        raise JointError(f"joint {strange[0]!r} is at {told[strange[0]]}; it must be a finite number")
-    return tuple(float(told[n]) for n in known)

@@ -112,7 +112,7 @@ class Control:
             return None
         if mode is Mode.IK and self.moving:
             self.notice = (
-                f"The servos are still on the way to the {self.moving}. Follow the target once they are there: "
+                f"The robot is still on the way to the {self.moving}. Follow the target once it is there: "
                 "from half the way the body may fold to the wrong side."
             )
             return None
@@ -203,7 +203,7 @@ class Control:
     def hold_keys(self, signs: tuple[int, ...], now: float) -> None:
         """Note which keys are down: +1 moves a servo up, -1 down. They count for KEY_HOLD; repeat them."""
         if any(signs) and not self.streaming:
-            self.notice = "Press t first: these keys move the servos while the sliders command."
+            self.notice = "Press t first: these keys move the robot while the sliders command."
         if any(signs) and self.moving:
             self._end_motion()
         self._keys, self._keys_until = signs, now + KEY_HOLD
@@ -247,9 +247,7 @@ class Control:
             table = self.limits.table[:-1]
             near = [ARRIVED if joint.unit == "rad" else ARRIVED * joint.span for joint in table]
             if (np.abs(joints[:-1] - self._goal[:-1]) > near).any():
-                self.notice = (
-                    f"The {'joints' if self.limits.others else 'servos'} did not reach the {self.moving}."
-                )
+                self.notice = f"The joints did not reach the {self.moving}."
             self._end_motion()
             self._follow_measured(now)
         since, self._commanded = min(now - self._commanded, PERIOD), now

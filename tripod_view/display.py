@@ -203,6 +203,7 @@ class Display:
         past = self.replay.moment(now)
         with self._server.atomic():
             self._take_body()
+            target.low, target.high = self._scene.target_box
             self._draw_game()
             if past:
                 self._draw_past(past[0])

@@ -59,6 +59,10 @@ class Handle:
             place(self._gizmo, pose)
             self._gizmo.visible = True
 
+    def set_box(self, box: tuple[FloatArray, FloatArray]) -> None:
+        """Show another box within which the target can be dragged, its corners [m]."""
+        self._box.points = box_edges(*box).astype(np.float32)
+
     def hide(self) -> None:
         """Show no target: the scene has none."""
         self._marker.visible = self._box.visible = self._gizmo.visible = False

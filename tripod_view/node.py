@@ -34,7 +34,7 @@ from tripod_graph.command import CommandError
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
-from tripod_graph.joint import Joint, joints_told
+from tripod_graph.joint import Joint, JointError, joint_values, joints_told
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED, NEWEST, RELIABLE, SENSOR
@@ -49,7 +49,6 @@ from tripod_view.channel import Channel
 from tripod_view.control import PERIOD, STALE, Control
 from tripod_view.display import Display
 from tripod_view.events import Button, Event, Inbox
-from tripod_view.joints import JointError, joint_values
 from tripod_view.json_text import JsonError, table_of
 from tripod_view.messages import (
     StatusError,
@@ -271,7 +270,8 @@ class ViewNode(Node):
             others = self._others
             if topic == names.ROBOT_JOINT_STATES:  # whose driver may know fewer
                 others = tuple(joint for joint in others if joint.name in message.name)
-            joints = joint_values(message.name, message.position, message.effort, others)
+            values = joint_values(message.name, message.position, message.effort, others)
+            joints = np.array(values if names.SLIDE in message.name else (*values, 0.0))
             self._fit(names.count_servos(message.name))
         except (JointError, CommandError) as error:
             self._refuse(topic, error)
@@ -477,7 +477,7 @@ class ViewNode(Node):
             )
             self._decide(Mode.STOP)
             self._control.notice = (
-                "The connection of this page was lost, so the robot was stopped. Working pose moves it again."
+                "The page lost its connection, so the robot was stopped. Take control to move it."
             )
 
     # What goes out.

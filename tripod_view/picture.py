@@ -68,6 +68,7 @@ class Picture:
         cables: Through which points they run.
         servos: None where the scene has none.
         effector: Radius of the disc [m]; None for none.
+        disc: Whether the effector is a disc, no point or set.
         maze: None for none.
         ball: Whether there is one.
         note: What is not drawn; empty where all is.
@@ -86,6 +87,7 @@ class Picture:
     cables: tuple[Route, ...] = ()
     servos: ServoPicture | None = None
     effector: float | None = None
+    disc: bool = True
     maze: MazePicture | None = None
     ball: bool = False
     note: str = ""
@@ -96,7 +98,16 @@ class Picture:
     @property
     def key(self) -> tuple[object, ...]:
         """Equal for pictures that are drawn alike."""
-        drawn = (self.name, self.parts, self.joints, self.servos, self.effector, self.ball, self.changes)
+        drawn = (
+            self.name,
+            self.parts,
+            self.joints,
+            self.servos,
+            self.effector,
+            self.disc,
+            self.ball,
+            self.changes,
+        )
         return (*drawn, len(self.obstacles), len(self.held), self.maze is None)
 
 
@@ -130,6 +141,7 @@ def _picture(table: dict[str, Any]) -> Picture:
         cables=tuple(map(_cable, _list(table.get("cables", [])))),
         servos=servos,
         effector=_radius(effector) if effector else None,
+        disc=not effector or _number(effector.get("height", 1.0)) > 0,
         maze=_maze(table["maze"]) if table["maze"] else None,
         ball=bool(table["ball"]),
         note=str(table["note"]),

@@ -23,6 +23,9 @@ BASE: Rgb = (112, 120, 130)
 BODY_SIZE = (0.0230, 0.0225, 0.0122)
 """A small hobby servo, its shaft along y [m]."""
 
+DOT = 0.3
+"""Of an effector that is a point or a set: radius of the dot over that of a disc."""
+
 BRACKET = 0.003
 """Thickness of brackets, clamp plates and rails [m]."""
 
@@ -30,8 +33,10 @@ BRACKET = 0.003
 class Robot:
     """Draws what it is told; every method is called from the thread of ROS only."""
 
-    def __init__(self, api: viser.SceneApi, geometry: ArmGeometry, servos: Sequence[Stand]) -> None:
-        """`servos`: where they stand; of none there is only the effector's disc, once its pose is known."""
+    def __init__(
+        self, api: viser.SceneApi, geometry: ArmGeometry, servos: Sequence[Stand], *, disc: bool = True
+    ) -> None:
+        """`servos`: where they stand; of none there is only the effector, once its pose is known; `disc`: its shape."""
         self._api, self._geometry, self._stands = api, geometry, tuple(servos)
         self._carriages: list[viser.FrameHandle] = []
         self._arms: list[viser.FrameHandle] = []
@@ -42,7 +47,7 @@ class Robot:
             self._carriages.append(self._add_carriage(i))
             self._arms.append(self._add_arm(i, stand))
         self.set_joints(np.zeros(len(self._stands)), 0.0)
-        self._effector = self._add_effector()
+        self._effector = self._add_effector(disc=disc)
 
     def remove(self) -> None:
         """Take it away."""
@@ -117,16 +122,19 @@ class Robot:
             )
         return frame
 
-    def _add_effector(self) -> viser.FrameHandle:
+    def _add_effector(self, *, disc: bool) -> viser.FrameHandle:
         g = self._geometry
         frame = self._api.add_frame(
             "/effector",
             axes_length=2 * g.effector_radius,
             axes_radius=0.0005,
-            origin_radius=0.0008,
+            origin_radius=0.0008 if disc else DOT * g.effector_radius,
+            origin_color=EFFECTOR,
             visible=False,
         )
         send_pose(frame)
+        if not disc:
+            return frame
         self._api.add_cylinder(
             "/effector/disc",
             g.effector_radius,

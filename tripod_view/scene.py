@@ -53,7 +53,7 @@ class Scene:
         self.lost = 0
         self._aimed: dict[int, FloatArray] = {}
         self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
-        self._handle = Handle(self._api, inbox, box)
+        self._own_box, self._handle = box, Handle(self._api, inbox, box)
         self.game = Game(self._api, "/effector")
         self.fit()
 
@@ -66,6 +66,15 @@ class Scene:
     def has_joints(self) -> bool:
         """Whether there is something to command: in the scene or, while that is not known, at all."""
         return self._robot_heard > 0 if self.picture is UNKNOWN else bool(self.picture.joints)
+
+    @property
+    def target_box(self) -> tuple[FloatArray, FloatArray]:
+        """Corners within which the target can be dragged [m]: as configured for servos, else half a body around it."""
+        if self.picture is UNKNOWN or self.picture.servos or self._surface is None:
+            return self._own_box
+        low, high = self._surface.nodes.min(axis=0), self._surface.nodes.max(axis=0)
+        room = 0.5 * (high - low).max()
+        return low - room, high + room
 
     @property
     def gone(self) -> float:
@@ -95,11 +104,14 @@ class Scene:
         geometry = self._default
         if picture.effector:
             geometry = replace(geometry, effector_radius=picture.effector)
-        self._robot = Robot(self._api, geometry, picture.servos.arms if picture.servos else ())
+        self._robot = Robot(
+            self._api, geometry, picture.servos.arms if picture.servos else (), disc=picture.disc
+        )
         self.game.attach(picture.maze)
         self._bodies.set_still(picture)
         if self._surface is not None:
             self._set_surface(self._surface)
+        self._handle.set_box(self.target_box)
         if not self.has_target:
             self._handle.hide()
         self.fit()
@@ -113,6 +125,7 @@ class Scene:
         self._surface, self._nodes, self.lost = surface, None, 0
         self._bodies.set_surface(surface, self.picture.parts, self.picture.cables)
         self._first = union(self._bodies.boxes(surface.nodes))
+        self._handle.set_box(self.target_box)
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""

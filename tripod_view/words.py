@@ -222,14 +222,18 @@ def mode_line(authority: OperatorAuthority) -> Line:
     mode, tracker = authority.mode, authority.tracker
     own = tracker.source == authority.source
     if tracker.lost:
-        return Line(Light.BAD, "STOP", f"{name_of(tracker.lost)} is silent: the servos hold, then park")
+        return Line(
+            Light.BAD,
+            "STOP",
+            f"{name_of(tracker.lost)} is silent: the robot holds, then moves to its park pose",
+        )
     if not tracker.source:
         return Line(Light.OFF, "Ready", "nobody commands yet")
     by = "this page" if own else name_of(tracker.source)
     texts = {
-        Mode.STOP: (Light.BAD, "all commands off: the servos hold, then park"),
+        Mode.STOP: (Light.BAD, "all commands off: the robot holds, then moves to its park pose"),
         Mode.TELEOP: (Light.GOOD, "the sliders command" if own else "the keyboard commands"),
-        Mode.IK: (Light.GOOD, "the servos follow the green target"),
+        Mode.IK: (Light.GOOD, "the effector follows the green target"),
         Mode.REPLAY: (Light.GOOD, "a recording is played"),
     }
     light, text = texts[mode]

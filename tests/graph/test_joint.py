@@ -8,7 +8,7 @@ import pytest
 from tests.messages import assert_names, raises_naming
 from tripod_graph.command import CommandError, CommandFollower, CommandLimits
 from tripod_graph.goal import motion_of, tolerances
-from tripod_graph.joint import Joint, joints_told
+from tripod_graph.joint import Joint, JointError, joint_values, joints_told
 from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
 from tripod_graph.range import RangeWatch, cut
 from tripod_graph.trajectory import point_of
@@ -86,3 +86,27 @@ def test_a_status_tells_the_joints_or_nothing() -> None:
     assert joints_told(*told[:2], [-2.0, np.nan], *told[3:]) == ()
     joints = np.array([0.0, 0.0, 0.0, 0.05, 2e3, 0.0])
     assert_names(cut(joints, LIMITS), "tendon", "0.050 m", "0.000 to 0.030 m")
+
+
+def test_joint_states_come_in_any_order_and_the_slide_may_miss() -> None:
+    assert joint_values(["servo_2", "other", "servo_0", "servo_1"], [3.0, 9.0, 1.0, 2.0]) == (1.0, 2.0, 3.0)
+    assert joint_values(["slide", "servo_0"], [0.02, 1.0]) == (1.0, 0.02)
+    names, positions, efforts = ["air", "tendon", "slide"], [1e-5, 0.01, 0.02], [2e3, 4.0, 0.0]
+    assert joint_values(names, positions, efforts, (TENDON, AIR)) == (0.01, 2e3, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("names", "positions", "others", "named"),
+    [
+        (["servo_0", "servo_2"], [0.0, 0.0], (), ("'servo_1'", "missing", "servo_0, servo_2")),
+        (["slide"], [0.0], (), ("'servo_0'", "missing", "joints: slide")),
+        (["servo_0", "servo_1", "servo_2"], [0.0], (), ("1 positions", "3 joints")),
+        (["servo_0", "servo_1"], [0.0, float("nan")], (), ("'servo_1'", "nan")),
+        (["servo_0", "slide"], [0.0, float("inf")], (), ("'slide'", "inf")),
+        ([], [], (), ("'servo_0'", "missing", "none")),
+        (["air"], [1e-5], (AIR,), ("'air'", "missing")),  # its effort
+    ],
+)
+def test_joint_states_that_are_refused(names, positions, others, named: tuple[str, ...]) -> None:
+    with raises_naming(JointError, *named):
+        joint_values(names, positions, (), others)

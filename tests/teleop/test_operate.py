@@ -7,11 +7,11 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tripod_graph.command import CommandLimits
-from tripod_graph.joint import Joint
+from tripod_graph.joint import Joint, JointError
 from tripod_graph.mode import LEASE, NONE, RETURN, Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_teleop.drive import Drive
-from tripod_teleop.joints import STALE, JointError, JointWatch, joint_values
+from tripod_teleop.joints import STALE, JointWatch
 from tripod_teleop.keys import KEYS, Act, Choose, Move
 from tripod_teleop.operate import NO_JOINTS, TAKEOVER, Operator, Toss
 from tripod_teleop.screen import angles_text, status_line
@@ -299,21 +299,6 @@ def test_the_robot_counts_before_the_simulator_and_the_old_not_at_all() -> None:
     assert watch.joints(10.6 + STALE) is None
     watch.hear_sim(SERVOS, (1.0, 2.0, 3.0), 20.0)
     assert watch.joints(20.0) == (1.0, 2.0, 3.0)
-
-
-@pytest.mark.parametrize(
-    ("names", "positions", "named"),
-    [
-        (SERVOS, (1.0, 2.0), ("2 positions", "3 joints")),
-        (SERVOS[::2], (1.0, 2.0), ("'servo_1'", "missing", "servo_0, servo_2")),
-        ((), (), ("'servo_0'", "missing", "none")),
-        (SERVOS, (1.0, math.nan, 2.0), ("'servo_1'", "nan")),
-        ((*SERVOS, SLIDE), (1.0, 1.0, 2.0, math.inf), ("'slide'", "inf")),
-    ],
-)
-def test_joint_states_that_are_refused(names, positions, named: tuple[str, ...]) -> None:
-    with raises_naming(JointError, *named):
-        joint_values(names, positions)
 
 
 # the screen ------------------------------------------------------------------------------------------------

@@ -324,7 +324,7 @@ def test_when_the_last_browser_leaves_in_control_the_robot_stops(stage: Stage) -
         assert len(stage.sim.modes) == count  # one is still there
     stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
     with stage.browser() as again:  # who comes back reads why
-        again.wait(lambda: lines_naming(again.text(), "connection", "Working pose"))
+        again.wait(lambda: lines_naming(again.text(), "connection", "control"))
 
 
 def test_when_the_browser_in_control_is_silent_the_robot_stops(stage: Stage) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_sim.scene.description import DISC_HEIGHT, standing
 from tripod_sim.simulation import Simulation
-from tripod_sim.tables.robot import ServoDynamics
+from tripod_sim.tables.robot import Effector, ServoDynamics
 from tripod_sim.tables.short_forms import effector_of, soft_bodies
 
 MOST_TRIANGLES = 50_000
@@ -37,7 +37,7 @@ def picture(simulation: Simulation) -> dict[str, Any]:
         "joints": [a.name for a in simulation.joints.actuators] if simulation.joints else [],
         "cables": cables,
         "servos": _servos(simulation),
-        "effector": {"radius": effector.radius, "height": DISC_HEIGHT} if effector else None,
+        "effector": {"radius": effector.radius, "height": _height(effector)} if effector else None,
         "maze": _maze(simulation),
         "ball": {"radius": scene.ball.radius} if scene.ball else None,
         "note": "; ".join(filter(None, (note, not_drawn))),
@@ -73,6 +73,11 @@ def _obstacles(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
             }
         )
     return found, ""
+
+
+def _height(effector: Effector) -> float:
+    """Return the height of the disc [m]; 0 of a point or a set, which have none."""
+    return DISC_HEIGHT if effector.is_disc else 0.0
 
 
 def _cables(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:

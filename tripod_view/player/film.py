@@ -22,12 +22,14 @@ class Deforming:
         triangles: Node indices, shape (m, 3).
         positions: Of the nodes in each picture [m], shape (k, n, 3).
         colour: Of its surface, 0 to 255.
+        through: Whether it is seen through others, faintly.
     """
 
     name: str
     triangles: IndexArray
     positions: FloatArray
     colour: Rgb
+    through: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, Route, radius, tube
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
-from tripod_view.player.shapes import Shape, ball, box, disc
+from tripod_view.player.shapes import Shape, ball, box, disc, joined
 from tripod_view.shade import shade
 
 Arrays = Mapping[str, Any]
@@ -40,6 +40,9 @@ QUANTITIES = {**POSITION_UNITS, **EFFORT_UNITS}
 
 RETURNED = {"m": "tension", "m³": "pressure", "N": "displacement", "Pa": "volume"}
 """What these give in return."""
+
+DOT = 0.3
+"""Of an effector that is a point or a set: radius of the dot over that of a disc."""
 
 RATE = 50.0
 """Most pictures a second."""
@@ -232,7 +235,9 @@ def _cables(arrays: Arrays, steps: NDArray[np.int64]) -> list[Deforming]:
             raise FilmError(f"cable_nodes: a film needs nodes 0 to {nodes.shape[1] - 1}")
         radii = radius(extent, forces[name][steps] if name in forces else np.ones(len(steps)))
         found.append(
-            Deforming(f"cable {name}", route.triangles, tube(route.points(nodes), radii), TAUT_COLOUR)
+            Deforming(
+                f"cable {name}", route.triangles, tube(route.points(nodes), radii), TAUT_COLOUR, through=True
+            )
         )
     return found
 
@@ -276,8 +281,8 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
             x, y, z, size = np.asarray(arrays["maze_goal"]).tolist()
             vertices, triangles = disc(size, 0.0004)
             found.append(Piece("goal", triangles, vertices + np.array([x, y, z]), GOAL, poses))
-    elif poses is not None and (shape := _effector_shape(scene)):
-        found.append(effector_piece(shape, poses))
+    elif poses is not None:
+        found.append(effector_piece(_effector_shape(scene), poses))
     if "ball" in arrays:
         for (vertices, triangles), colour in zip(
             ball(_number(scene, "ball", "radius")), (BALL, BELT), strict=True
@@ -293,12 +298,11 @@ def _stand(row: FloatArray) -> Stand:
     return Stand(tuple(numbers[:3]), tuple(numbers[3:7]), tuple(numbers[7:10]), *numbers[10:])
 
 
-def _effector_shape(scene: Mapping[str, Any]) -> Shape | None:
-    """Return what the scene's effector looks like: its first disc, else its first platform's box; a point: None."""
-    if discs := [part for part in (scene, *scene["body"]) if "effector" in part]:
-        if any(_entry(discs[0], "effector", key) for key in ("set", "point")):
-            return None
-        return disc(_number(discs[0], "effector", "radius"), DISC_HEIGHT)
+def _effector_shape(scene: Mapping[str, Any]) -> Shape:
+    """Return what the scene's effector looks like: its first disc, or a dot, or its first platform's box."""
+    if parts := [part for part in (scene, *scene["body"]) if "effector" in part]:
+        size, table = _number(parts[0], "effector", "radius"), parts[0]["effector"]
+        return joined(ball(DOT * size)) if table.get("point") or table.get("set") else disc(size, DISC_HEIGHT)
     return box([_number(scene, "platform", 0, "size", axis) for axis in range(3)])
 
 

@@ -56,6 +56,7 @@ def stage(film: Film) -> dict[str, Any]:
                 "colour": body.colour,
                 "nodes": body.positions.shape[1],
                 "seen": seen,
+                "through": body.through,
                 "triangles": packer.add(body.triangles, "u4"),
                 "edges": packer.add(edges(body.triangles), "u4"),
             }

@@ -13,6 +13,9 @@ from tripod_view.player.picture_kernels import draw_lines, fill_triangles
 HALF_ANGLE = 0.3
 """Half the angle of view [rad]."""
 
+THROUGH = 0.35
+"""How much is seen of what is inside others."""
+
 FINER = 2
 """Points of a side for each that is shown."""
 
@@ -49,6 +52,12 @@ class Painter:
             if len(triangles):
                 shades = self._shades(vertices, triangles, colour, centre)
                 fill_triangles(self._seen(vertices, centre), triangles, shades, image, depth)
+        for body in self._film.bodies:
+            if body.through:
+                whole, near = image.copy(), np.zeros(image.shape[:2])
+                shades = np.full((len(body.triangles), 3), body.colour, float)
+                fill_triangles(self._seen(body.positions[k], centre), body.triangles, shades, whole, near)
+                image += THROUGH * (whole - image)
         smaller = image.reshape(self.size[1], FINER, self.size[0], FINER, 3).mean(axis=(1, 3))
         return np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
 

@@ -213,6 +213,13 @@ class Painter {
     gl.disable(gl.BLEND);
   }
 
+  // What is inside others, faintly.
+  through(draw) {
+    this.gl.disable(this.gl.DEPTH_TEST);
+    draw();
+    this.gl.enable(this.gl.DEPTH_TEST);
+  }
+
   // Shadows on the ground, each spot once.
   shadows(draw) {
     const gl = this.gl;
@@ -450,6 +457,7 @@ async function main() {
     painter.draw(floor, frame([...about, stage.camera.floor, 0, 0, 0, 1], origin), [120, 135, 150], { lines: true, alpha: 0.35 });
     if (eye[2] > height) painter.shadows(() => drawn.forEach(([shape, model]) => painter.draw(shape, model, [40, 50, 60], { alpha: 0.13 })));
     drawn.forEach(([shape, model, colour]) => painter.draw(shape, model, colour));
+    painter.through(() => bodies.forEach((shape, b) => stage.bodies[b].through && painter.draw(shape, identity, stage.bodies[b].colour, { alpha: 0.35 })));
     if (showLines) bodies.forEach((shape) => painter.draw(shape, identity, [60, 35, 15], { lines: true, alpha: 0.55 }));
     plots.forEach((plot) => plot.draw(time));
     const bar = byId("time");

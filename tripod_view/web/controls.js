@@ -108,8 +108,9 @@ function joint(i) {
   listen("kinds", (kinds) => {
     if (i >= kinds.length) return;
     const { name: text, unit: shown, step, servo: turns } = kinds[i];
-    setText(name, text);
+    setText(name, turns ? text : `${text} (${shown})`);
     setText(unit, shown);
+    row.classList.toggle("other", !turns);
     slider.step = number.step = step;
     slider.setAttribute("aria-label", `${text} (${turns ? "degrees" : shown})`);
     number.setAttribute("aria-label", `${text}, typed (${turns ? "degrees" : shown})`);

@@ -11,7 +11,7 @@ import { noPicture, start } from "./start.js";
 import { status } from "./status.js";
 
 const panel = element("aside", { id: "panel", "aria-label": "Controls" });
-const stop = element("button", { id: "stop", title: "All commands off: the robot holds, then parks (Space, Esc)" }, "STOP");
+const stop = element("button", { id: "stop", title: "All commands off: the robot holds, then moves to its park pose (Space, Esc)" }, "STOP");
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
 place(panel, [status(), controls(), replay(), cards(), plots()]);
