@@ -87,7 +87,7 @@ def explain_command(
     try:
         with (
             interruptible("tripod explain"),
-            progress_note(shown=not quiet and sys.stderr.isatty()) as progress,
+            progress_note(shown=not quiet) as progress,
         ):
             if error:  # first: what has no static state is told at once
                 from tripod_study.spatial_error import spatial_error  # noqa: PLC0415 - only where it is asked for
@@ -114,9 +114,15 @@ def explain_command(
 
 @contextmanager
 def progress_note(*, shown: bool) -> "Iterator[Progress | None]":
-    """Yield what draws the fraction done and what comes next on standard error; None where nothing is shown."""
+    """Yield what shows the fraction done and what comes next on standard error; None where nothing is shown.
+
+    On a terminal it is a bar, else a line for whatever comes next.
+    """
     if not shown:
         yield None
+        return
+    if not sys.stderr.isatty():
+        yield lambda _, text: print(f"tripod explain: {text}", file=sys.stderr, flush=True) if text else None
         return
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn  # noqa: PLC0415

@@ -59,7 +59,7 @@ def _outcome(result: Mapping[str, Any]) -> str:
     if not parts:
         moved = 1e3 * result["displacement"]["largest"]
         size = f"{moved:.3g} mm" if moved < 1e3 else f"{1e-3 * moved:.3g} m"
-        parts.append(f"largest displacement {size if moved >= SMALL else f'below {SMALL:g} mm'}")
+        parts.append(f"at the end largest displacement {size if moved >= SMALL else f'below {SMALL:g} mm'}")
     energies = result["energies"]
     others = max((abs(value) for name, value in energies.items() if name != "kinetic"), default=0.0)
     return "; ".join([*parts, "at rest" if energies.get("kinetic", 0.0) <= REST * others else "still moving"])

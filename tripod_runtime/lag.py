@@ -18,6 +18,12 @@ PERIOD = 1.0
 FULL = 0.9
 """Load of one core from which the setting, and not a busy machine, is too slow for real time."""
 
+EASED = 0.6
+"""Load below which a setting that was too slow no longer is: between this and `FULL` nothing changes."""
+
+SHARE = 0.7
+"""Part of the speed that the load allows below which the machine is busy, too."""
+
 LASTING = 3
 """Calls of `LagMonitor.look` in a row that find the steps too slow before a busy machine is logged."""
 
@@ -26,6 +32,8 @@ QUIET = 60.0
 
 PATIENCE = 0.5
 """How long the end waits for a proposal [s]."""
+
+ALSO = "; the machine is busy, too: close other programs"
 
 BUSY = f"the machine is busy: {WHAT_TO_DO}"
 
@@ -98,7 +106,10 @@ class LagMonitor:
         """Return why the steps are slower than real time and what to do; empty where they are not, or not known yet."""
         if not speed.behind:
             return ""
-        return BUSY if speed.load < FULL else self.proposal
+        if speed.load < (EASED if self.proposal else FULL):
+            return BUSY
+        also = speed.real_time_factor * max(speed.load, 1.0) < SHARE
+        return self.proposal + (ALSO if also and self.proposal else "")
 
     def words(self, speed: Speed) -> str:
         """Return that the steps are slower than real time, by how much, and `advice`; empty where they are not."""

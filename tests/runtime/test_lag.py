@@ -164,6 +164,17 @@ def test_the_setting_is_the_cause_where_it_takes_nearly_a_core(load: float, own:
     assert bool(log.lines) == own
 
 
+def test_a_load_near_the_limit_does_not_turn_the_advice_to_and_fro() -> None:
+    log = Log()
+    log.look(lag(0.9, FULL))
+    log.wait(1)
+    assert log.monitor.advice(lag(0.9, FULL - 0.1)) == log.monitor.proposal
+    assert_names(log.monitor.advice(lag(0.62, 0.4)), "machine", "busy")
+    both = log.monitor.advice(lag(0.06, 1.5))
+    assert both.startswith(log.monitor.proposal)
+    assert_names(both, "machine", "busy")
+
+
 def test_nothing_is_said_after_the_end() -> None:
     go_on, begun = threading.Event(), threading.Event()
 

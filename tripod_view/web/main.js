@@ -15,7 +15,7 @@ const stop = element("button", { id: "stop", title: "All commands off: the robot
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
 place(panel, [status(), controls(), replay(), cards(), plots()]);
-place(document.body, [panel, stop, start(), noPicture(), element("div", { id: "lost" }, "connection lost: trying again. Each start has a new address, which the terminal tells")]);
+place(document.body, [panel, stop, start(), noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
 keys();
 
 // What a scene has decides which controls there are: classes of the body, which the style sheet heeds.
@@ -29,4 +29,9 @@ listen("kinds", (kinds) => { // of servos and of other joints each
   document.body.classList.toggle("has-servos", kinds.some((kind) => kind.servo));
   document.body.classList.toggle("has-others", kinds.some((kind) => !kind.servo));
 });
-listen("connected", (connected) => document.body.classList.toggle("lost", !connected));
+let silent = 0; // a pause that ends soon is not told
+listen("connected", (connected) => {
+  clearTimeout(silent);
+  if (connected) document.body.classList.remove("lost");
+  else silent = setTimeout(() => document.body.classList.add("lost"), 1500);
+});
