@@ -74,6 +74,23 @@ def test_a_slack_cable_is_pulled_taut(tmp_path: Path) -> None:
     assert (found["names"], found["units"]) == (["tendon"], ["m"])
 
 
+def test_a_finger_that_swings_with_a_slack_cable_tells_where_it_rests() -> None:
+    """The tangent counts the cable as taut; at rest it hangs slack, so it may not hold the finger at its length."""
+    scene = load_scene(FINGER, ["motion=off", TIP])
+    simulation, model = Simulation(scene), StaticModel(scene)
+    rest = model.move(np.zeros(1))
+    assert rest.efforts == pytest.approx([0.0], abs=1e-12) and rest.angles[0] * model.spans[0] > 1e-3
+    for step in range(60):
+        simulation.step(np.array([0.015 if step < 20 else 0.0, 0.0]))
+        if step % 4 == 0:
+            found = simulation.compliance()
+    told = found.position + found.equilibrium_offset[:3]
+    assert np.linalg.norm(found.position - rest.equilibrium) > 1e-3
+    np.testing.assert_allclose(told, rest.equilibrium, atol=1e-6)
+    np.testing.assert_allclose(found.angles, rest.angles * model.spans, atol=1e-6)
+    assert found.efforts == pytest.approx([0.0], abs=1e-9)
+
+
 def test_a_cable_is_not_asked_to_push() -> None:
     scene = load_scene(FINGER, [*STILL, TIP, "gravity=off"])
     found = solve_once(scene, [0.09, 0.01, 0.03], slide=0.0)
