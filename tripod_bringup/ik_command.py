@@ -213,6 +213,10 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         *commands,
         ("effector", ", ".join(f"{v:z.3f}" for v in (x, y, z)) + " mm"),
         *(
+            (name, ", ".join(f"{1e3 * v:z.3f}" for v in place) + " mm")
+            for name, place in result["places"].items()
+        ),
+        *(
             []
             if result["roll"] is None
             else [
