@@ -127,7 +127,7 @@ def ik(
         str | None,
         typer.Option(
             metavar='"X Y Z"',
-            help="Target of the effector \\[m], or as 5mm; then, after a semicolon each, NAME = X Y Z of further places.",
+            help="Target of the effector \\[m], or as 5mm; after semicolons NAME = X Y Z of further places.",
         ),
     ] = None,
     goal: Annotated[
