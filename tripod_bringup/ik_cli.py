@@ -125,7 +125,10 @@ def ik(
     *,
     target: Annotated[
         str | None,
-        typer.Option(metavar='"X Y Z"', help="Target of the effector \\[m], or as 5mm."),
+        typer.Option(
+            metavar='"X Y Z"',
+            help="Target of the effector \\[m], or as 5mm; after semicolons NAME = X Y Z of further places.",
+        ),
     ] = None,
     goal: Annotated[
         str, typer.Option(help="What is asked for: position, orientation (tilt and height), or pose (both).")

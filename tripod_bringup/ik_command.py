@@ -72,6 +72,7 @@ def solve_command(
             overwrite("building the model ...")
         if goal not in {str(g) for g in Goal}:
             raise IkError(f"--goal is {goal!r}; allowed: {', '.join(Goal)}")
+        first, more = targets(target)
         corners = numbers("--box", box, 6, "m") if box is not None else None
         choose = partial(choose_model, goal=Goal(goal), slide=slide)
         if choice := chosen(scene, wished(accuracy, budget), overrides, study, choose):
@@ -89,7 +90,8 @@ def solve_command(
         ):
             result = solve_once(
                 description,
-                numbers("--target", target, 3, "m"),
+                numbers("--target", first, 3, "m"),
+                more=more,
                 tilt=numbers("--tilt", tilt, 2, "rad"),
                 goal=Goal(goal),
                 slide=slide,
@@ -141,6 +143,26 @@ def expected_error(scene: "Scene", path: Path, result: Mapping[str, Any], slide:
     return {"expected_error": {name: getattr(found, name)[0].tolist() for name in parts}}
 
 
+def targets(text: str) -> tuple[str, dict[str, list[float]]]:
+    """Return the target of the effector as it is written, and those of further places [m]: "0 0 1; middle = 0 0 2".
+
+    Raises:
+        IkError: what follows a semicolon is no place with its target.
+    """
+    from tripod_ik.errors import IkError  # noqa: PLC0415
+
+    first, *others = text.split(";")
+    more = {}
+    for other in others:
+        name, equals, place = other.partition("=")
+        if not equals:
+            raise IkError(
+                f"--target has {other.strip()!r} after a semicolon; write NAME = X Y Z, of [[effector.more]]"
+            )
+        more[name.strip()] = numbers(f"--target {name.strip()}", place, 3, "m")
+    return first, more
+
+
 def numbers(option: str, text: str, count: int, unit: str | Sequence[str]) -> list[float]:
     """Return `count` numbers in SI of `text`, separated by spaces or commas, that are in `unit`, one for all or one for
     each, or say theirs.
@@ -190,6 +212,10 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("outcome", outcome),
         *commands,
         ("effector", ", ".join(f"{v:z.3f}" for v in (x, y, z)) + " mm"),
+        *(
+            (name, ", ".join(f"{1e3 * v:z.3f}" for v in place) + " mm")
+            for name, place in result["places"].items()
+        ),
         *(
             []
             if result["roll"] is None

@@ -31,9 +31,9 @@ SIM_STATES: Mapping[int, str] = {
     getattr(SimStatus, n): n for n in ("RUNNING", "PAUSED", "HOLDING", "PARKED", "FAILED")
 }
 IK_STATES: Mapping[int, str] = {
-    getattr(IkStatus, n): n for n in ("IDLE", "TRACKING", "CLOSEST", "STALE", "SOLVER_FAILED")
+    getattr(IkStatus, n): n for n in ("IDLE", "TRACKING", "CLOSEST", "STALE", "SOLVER_FAILED", "SEARCHING")
 }
-SOLVED = (IkStatus.TRACKING, IkStatus.CLOSEST)
+SOLVED = (IkStatus.TRACKING, IkStatus.CLOSEST, IkStatus.SEARCHING)
 ROBOT_STATES: Mapping[int, str] = {
     getattr(RobotStatus, n): n
     for n in ("DISCONNECTED", "CONNECTING", "READY", "ACTIVE", "HOLDING", "PARKED", "FAULT")

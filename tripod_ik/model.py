@@ -94,12 +94,12 @@ def linear_state(c: Compliance, joints: Joints | None = None) -> LinearState:
     if joints and joints.others:
         return LinearState.of_actuators(
             joints.actuators, commands=c.angles, efforts=c.efforts, effector=c.position, rotation=c.quaternion,
-            equilibrium_offset=c.equilibrium_offset, W=c.w, jacobian=c.jacobian, stiffness=c.stiffness,
+            equilibrium_offset=c.equilibrium_offset, W=c.w, jacobian=c.jacobian, stiffness=c.stiffness, places=c.places,
         )  # fmt: skip
     soft = c.stability_margin
     return LinearState(
         servo_names(len(c.angles)), c.angles, c.efforts, c.position, c.quaternion, c.equilibrium_offset, c.w,
-        soft.value if soft else 1.0, soft.slope if soft else np.zeros(0),
+        soft.value if soft else 1.0, soft.slope if soft else np.zeros(0), places=c.places,
     )  # fmt: skip
 
 
@@ -333,7 +333,7 @@ class StaticModel:
         """
         here, home = self.save(), self.go_home()
         n = len(home.angles)
-        if self._joints.others:
+        if self._joints.others or home.places:
             self.restore(here)
             return images(n, mirrored=False)[:1]
         turn = np.resize(ASIDE, n)

@@ -105,6 +105,7 @@ class IkNode(Node):
         self._authority, self._source = ModeTracker(), new_source(IK, self.get_namespace())
         self._received = float("-inf")  # when the last usable compliance came, time.monotonic [s]
         self._entered = float("-inf")  # when the mode became IK
+        self._interval = 0.0  # between the last two usable compliances [s]
         self._reported = float("-inf")  # when the last status left
         self._activity = Activity.IDLE
         self._message = ""
@@ -396,7 +397,7 @@ class IkNode(Node):
         """Command what follows from `state`, in which the mesh errs by `mesh_error` [m]; NaN or -1: not known."""
         if now - self._received > self._stale_after:
             self._tracker.start()
-        over = min(now - self._received, LONGEST_DT)
+        self._interval, over = now - self._received, min(now - self._received, LONGEST_DT)
         self._received = now
         if self._expected:
             self._expected.look(state, self._planner_thread.slide, now)
@@ -435,6 +436,11 @@ class IkNode(Node):
             reason = f"no usable {names.COMPLIANCE} yet: is the simulator running?"
         else:
             reason = f"no usable {names.COMPLIANCE} since {now - self._received:.1f} s"
+            if self._interval > self._stale_after:
+                reason += (
+                    f"; the simulator sends one in {self._interval:.1f} s: set stale_after to more than that, 0.5 s at "
+                    "most, or take a coarser mesh"
+                )
         if self._last_rejection.startswith("compliances"):
             reason += f"; refused {self._last_rejection}"
         self._rest_again(Activity.STALE, reason, now)

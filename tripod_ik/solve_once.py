@@ -5,7 +5,7 @@ and node have the same answer from the same start within the same limits.
 """
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from typing import Any
@@ -24,7 +24,7 @@ from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.row_limits import effort_limits
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
-from tripod_ik.tasks import Task, total_distance
+from tripod_ik.tasks import PositionTask, Task, total_distance
 from tripod_ik.tracker import Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
@@ -54,6 +54,7 @@ class Outcome(StrEnum):
 
     REACHED = "reached"
     CLOSEST = "closest pose: the target is out of reach"
+    ENDED = "stopped: no equilibrium ahead"
     UNFINISHED = "not converged"
     FAILED = "not solved"
 
@@ -62,6 +63,7 @@ def solve_once(
     scene: Scene,
     target: Sequence[float],
     *,
+    more: Mapping[str, Sequence[float]] | None = None,
     tilt: Sequence[float] = (0.0, 0.0),
     goal: Goal = Goal.POSITION,
     slide: float,
@@ -80,6 +82,7 @@ def solve_once(
     Args:
         scene: Of the robot; solved without inertia. The ranges of its actuators are the limits.
         target: x, y, z of the effector at rest [m] in `world`.
+        more: x, y, z [m] of places in `[[effector.more]]`, by name; others are free. They count by their weights.
         tilt: Roll and pitch [rad], where the goal has a tilt.
         goal: What of both is asked for.
         slide: Inward shift of the servo bodies [m].
@@ -93,7 +96,8 @@ def solve_once(
 
     Returns:
         outcome and reason (words), reached (bool), names and units of the joints, angles (commands) [rad, m, N, Pa],
-        torques (efforts dV/dq) [N m, N, m, m³], position [m], roll and pitch [rad; None of a point or a set],
+        torques (efforts dV/dq) [N m, N, m, m³], position [m],
+        places (positions by name [m]), roll and pitch [rad; None of a point or a set],
         error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
         with unit), active_limits, kkt [rad], iterations (linearisations), seconds, path (angles [rad] through which
         the servos go, each straight from the one before).
@@ -120,15 +124,22 @@ def solve_once(
     model = StaticModel(scene, slide, begin)
     if joints is None:  # StaticModel has refused it
         raise StepError("the scene has no servos; add [servos]")
-    _check_near(position, model)
+    places = {place.name: place.weight for place in effector.more} if effector else {}
+    further = [
+        PositionTask(frozen(f"target of {name}", at, (3,)), np.full(3, places[name]), name=name, place=name)
+        for name, at in (more or {}).items()
+        if _is_place(name, places)
+    ]
+    for wanted in (position, *(task.target for task in further)):
+        _check_near(wanted, model)
     turns = not effector or effector.is_disc
     began, spans = clock.perf_counter(), joints.spans
-    motion = _Motion(model, settings, progress)
+    motion = _Motion(model, settings, further, progress)
     normal = normal_of(float(roll), float(pitch))
     outcome, step = motion.go(position, normal)
     state = motion.model.state()
     found = roll_pitch(state.equilibrium_rotation[:, 2])
-    tasks = settings.tasks(position, normal)
+    tasks = motion.tasks(position, normal)
     return {
         "outcome": str(outcome),
         "reason": "" if outcome is Outcome.REACHED else motion.reason,
@@ -138,6 +149,7 @@ def solve_once(
         "angles": (state.angles * spans).tolist(),
         "torques": (state.efforts / spans).tolist(),
         "position": state.equilibrium.tolist(),
+        "places": {name: state.place(name)[0].tolist() for name in state.places},
         "roll": found[0] if turns else None,
         "pitch": found[1] if turns else None,
         "error": missed(tasks, state),
@@ -166,13 +178,18 @@ class _Motion:
     """
 
     def __init__(
-        self, model: StaticModel, settings: TrackerSettings, progress: Callable[[int, float], None] | None
+        self,
+        model: StaticModel,
+        settings: TrackerSettings,
+        more: Sequence[Task],
+        progress: Callable[[int, float], None] | None,
     ) -> None:
-        """`progress`: see `solve_once`."""
+        """`more`: tasks beside the target; `progress`: see `solve_once`."""
         joints = joints_of(model.scene)
         assert joints is not None
         self.model, self._progress, self._settings = model, progress, settings
         self._tracker = Tracker(settings, guide=self._way)
+        self._tracker.more = tuple(more)
         self._tracker.resize(joints.count)
         self._tracker.narrow(
             joints.low / joints.spans, joints.high / joints.spans, settings.angle_speed,
@@ -189,15 +206,19 @@ class _Motion:
         """How many states of the robot were computed."""
         return self.model.linearisations + (self._finder.model.linearisations if self._finder else 0)
 
+    def tasks(self, position: FloatArray, normal: FloatArray) -> tuple[Task, ...]:
+        """Return all that is to be done."""
+        return (*self._settings.tasks(position, normal), *self._tracker.more)
+
     def go(self, position: FloatArray, normal: FloatArray) -> tuple[Outcome, TrackerStep]:
         """Move to `position` [m] and `normal`, shape (3,) each; return how it ended, and the last command."""
         outcome, step = self._go(position, normal)
-        self._least = missed(self._settings.tasks(position, normal), self.model.state())
+        self._least = missed(self.tasks(position, normal), self.model.state())
         self._tell(self._least)
         return outcome, step
 
     def _go(self, position: FloatArray, normal: FloatArray) -> tuple[Outcome, TrackerStep]:
-        tasks = self._settings.tasks(position, normal)
+        tasks = self.tasks(position, normal)
         self._tracker.aim(position, None if self._settings.goal is Goal.POSITION else normal, 0.0)
         state, rests, least = self.model.state(), 0, np.inf
         outcome = Outcome.UNFINISHED
@@ -209,8 +230,8 @@ class _Motion:
             try:
                 state = self._moved(step.result.command)
             except (StepError, SceneError) as error:
-                self.reason = str(error)
-                return Outcome.CLOSEST, step
+                self.reason = f"the next step towards the target has none: {error}"
+                return Outcome.ENDED, step
             missing = missed(tasks, state)
             self._tell(missing)
             met = missing <= self._settings.tolerance
@@ -265,6 +286,14 @@ def _mesh_error(model: StaticModel, angles: FloatArray) -> dict[str, Any]:
     model.move(angles)
     found = mesh.error(model.simulation.state)
     return {"mesh_error": {"effector": model.shown(found.effector).tolist(), "distance": found.distance}}
+
+
+def _is_place(name: str, places: Mapping[str, float]) -> bool:
+    """Return True; raise IkError unless the effector has a place of that name."""
+    if name not in places:
+        known = ", ".join(places) or "none"
+        raise IkError(f"target of {name!r}: the scene has no such place in [[effector.more]]; known: {known}")
+    return True
 
 
 def _check_near(target: FloatArray, model: StaticModel) -> None:

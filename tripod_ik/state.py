@@ -5,7 +5,7 @@ in SI over `Actuator.span`, which is the range over 1.5. Wherever inverse kinema
 of an actuator that is no servo; its effort is in N m, too: work per span.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import hypot
@@ -56,6 +56,8 @@ class LinearState:
         stability_margin_slope: dρ/dα [1/rad], shape (n,); zero where it is not known; none at all is zero.
         actuators: The joints as their commands know them, where some are no servos; else none.
         held: J and K, where W_aa may be singular, so that they cannot be found from it: with such actuators.
+        places: Of further places of the effector, by name: where each is [m], from there to where it rests [m], shape
+            (3,) each, and its J [m/rad], shape (3, n).
     """
 
     joint_names: tuple[str, ...]
@@ -69,6 +71,7 @@ class LinearState:
     stability_margin_slope: FloatArray = field(default_factory=lambda: np.zeros(0))
     actuators: tuple["Actuator", ...] = ()
     held: tuple[FloatArray, FloatArray] | None = None
+    places: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = tuple(self.joint_names)
@@ -114,6 +117,7 @@ class LinearState:
         W: FloatArray,
         jacobian: FloatArray,
         stiffness: FloatArray,
+        places: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]] | None = None,
     ) -> "LinearState":
         """Return the state of joints some of which are no servos, from values in SI; of these no margin is known.
 
@@ -123,6 +127,7 @@ class LinearState:
             effector, rotation, equilibrium_offset: As the attributes.
             W: Shape (6 + n, 6 + n).
             jacobian, stiffness: J, shape (6, n), and K, shape (n, n).
+            places: As the attribute.
 
         Raises:
             IkError: an array has another shape, or is not finite.
@@ -139,6 +144,7 @@ class LinearState:
             tuple(a.name for a in actuators), arrays["angles"] / spans, arrays["efforts"] * spans, effector, rotation,
             equilibrium_offset, arrays["W"] * np.outer(turn, turn), actuators=tuple(actuators),
             held=(arrays["J"] * spans, arrays["K"] * scale),
+            places={name: (at, off, J * spans) for name, (at, off, J) in (places or {}).items()},
         )  # fmt: skip
 
     @property
@@ -166,10 +172,24 @@ class LinearState:
     def as_it_is(self) -> "LinearState":
         """Return the same response, at rest where the effector is at present. All else is shared, not checked again."""
         here = object.__new__(LinearState)
-        here.__dict__.update(self.__dict__, equilibrium_offset=AT_REST)
+        places = {name: (at, np.zeros(3), J) for name, (at, _, J) in self.places.items()}
+        here.__dict__.update(self.__dict__, equilibrium_offset=AT_REST, places=places)
         for name in ("equilibrium", "equilibrium_rotation"):
             here.__dict__.pop(name, None)
         return here
+
+    def place(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return where a place of the effector rests [m], shape (3,), and its J, shape (3, n); "": the effector itself.
+
+        Raises IkError where the state does not tell.
+        """
+        if not name:
+            return self.equilibrium, self.jacobian[:3]
+        if name not in self.places:
+            known = ", ".join(self.places) or "none"
+            raise IkError(f"the state has no place {name!r} (known: {known}); with contact there are none")
+        at, offset, jacobian = self.places[name]
+        return at + offset, jacobian
 
     @cached_property
     def equilibrium(self) -> FloatArray:

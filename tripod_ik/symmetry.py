@@ -64,7 +64,7 @@ class Image:
 
     def task(self, task: Task) -> Task | None:
         """Return the image of a task; None where it has none."""
-        if isinstance(task, PositionTask) and task.weights[0] == task.weights[1]:
+        if isinstance(task, PositionTask) and task.weights[0] == task.weights[1] and not task.place:
             return replace(task, target=self.matrix @ task.target)
         if isinstance(task, TiltTask):
             return replace(task, normal=self.matrix @ task.normal)

@@ -45,6 +45,10 @@ class TaskRows:
 class Task(Protocol):
     """Something that the effector, or the servos, should do."""
 
+    @property
+    def metres(self) -> float:
+        """Metres that a unit of its distances counts in `total_distance`."""
+
     def rows(self, state: LinearState) -> TaskRows:
         """Return error, Jacobian and weights at `state`."""
 
@@ -66,12 +70,14 @@ class PositionTask:
             side to side of an unreachable target, more slows the approach from afar. The simulated Tripod has
             0.014 in its working pose.
         name: Of what is reached.
+        place: Of the effector that is brought there, see `LinearState.place`.
     """
 
     target: FloatArray
     weights: FloatArray = field(default_factory=lambda: np.ones(3))
     curvature: float = 0.03
     name: str = "position"
+    place: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "target", frozen("target", self.target, (3,)))
@@ -84,7 +90,13 @@ class PositionTask:
 
     def rows(self, state: LinearState) -> TaskRows:
         """Return e = target - equilibrium position [m] and J, the motion of the equilibrium [m/rad]."""
-        return TaskRows(self.target - state.equilibrium, state.jacobian[:3], self.weights, self.curvature)
+        position, jacobian = state.place(self.place)
+        return TaskRows(self.target - position, jacobian, self.weights, self.curvature)
+
+    @property
+    def metres(self) -> float:
+        """What a metre counts in `total_distance`: of a further place its weight."""
+        return float(self.weights.max()) if self.place else 1.0
 
     def distances(self, error: FloatArray) -> dict[str, float]:
         """Return the length of `error`, shape (3,), over the axes that count [m]."""
@@ -126,6 +138,11 @@ class TiltTask:
             raise IkError(f"lever is {self.lever} m; it must be positive and finite")
         _check_curvature(self.curvature, "rad/rad²")
 
+    @property
+    def metres(self) -> float:
+        """The lever."""
+        return self.lever
+
     def rows(self, state: LinearState) -> TaskRows:
         """Return roll and pitch that are missing [rad], about the disc's own axes, and their Jacobian."""
         R = state.equilibrium_rotation
@@ -159,6 +176,11 @@ class PostureTask:
         if not 0 < self.weight < np.inf:
             raise IkError(f"weight of the posture is {self.weight} m/rad; it must be positive and finite")
 
+    @property
+    def metres(self) -> float:
+        """1: it has no distances."""
+        return 1.0
+
     def rows(self, state: LinearState) -> TaskRows:
         """Return what is missing to the posture [rad]; J is the identity."""
         n = len(state.angles)
@@ -189,8 +211,7 @@ def total_of(tasks: Sequence[Task], distances: Sequence[Mapping[str, float]]) ->
     """Return the same [m], for the `distances` that the tasks make of their errors."""
     total = 0.0
     for task, found in zip(tasks, distances, strict=True):
-        metres = task.lever if isinstance(task, TiltTask) else 1.0
-        total += sum((metres * d) ** 2 for d in found.values())
+        total += sum((task.metres * d) ** 2 for d in found.values())
     return sqrt(total)
 
 

@@ -121,6 +121,7 @@ class Tracker:
 
     Attributes:
         settings: How it moves the robot.
+        more: What is to be done beside the target, such as targets of further places.
         correction: What is known of the model's error; fed with measurements by the caller, or left at zero.
     """
 
@@ -143,6 +144,7 @@ class Tracker:
                 as short as `longest_step`, and what lags would make them slower.
         """
         self.settings = settings
+        self.more: tuple[Task, ...] = ()
         self._smooth_over = smooth
         self._guidance = PathFollower(guide)
         self.correction = correction
@@ -256,7 +258,7 @@ class Tracker:
         over = dt if self._smooth_over > 0 else 0.0  # that is how long it takes to be where a command says
         wanted, aimed_at = self._wanted(now, 0.0), self._wanted(now, over)
         position, normal = self._corrected(aimed_at, state, now)
-        wanted_tasks = self.settings.tasks(position, normal)
+        wanted_tasks = (*self.settings.tasks(position, normal), *self.more)
         tasks: Sequence[Task] = wanted_tasks
         here = branch(state, tasks)
         aimed = np.concatenate([position, normal])
@@ -451,7 +453,7 @@ class Tracker:
 
     def _present_error(self, state: LinearState, wanted: FloatArray) -> tuple[float, float]:
         here = state.as_it_is()
-        tasks = self.settings.tasks(wanted[:3], wanted[3:])
+        tasks = (*self.settings.tasks(wanted[:3], wanted[3:]), *self.more)
         errors = [task.rows(here).error for task in tasks]
         distances = [task.distances(error) for task, error in zip(tasks, errors, strict=True)]
         return total_distance(tasks, errors), sum(d.get(TILT, 0.0) for d in distances)

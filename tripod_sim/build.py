@@ -135,6 +135,7 @@ def _built(model: Model, progress: Progress | None = None, say: Say | None = Non
         plate=draft.plate,
         ball=draft.ball,
         observed=draft.observed,
+        places=draft.places,
     )
     parts = _watched(model, draft.sets, system, parts)
     if model.doubts or any(isinstance(note, Doubt) for note in parts.notes):

@@ -16,7 +16,8 @@ its rows are zero. What holds the body besides joins in as `Holding`, by the sam
 has to do with: nothing is factored again.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +65,8 @@ class Compliance:
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
             and rotation vector [rad], shape (6,).
         stability_margin: How near it is to a snap; None where that is not known: with contact.
+        places: Of each further place of the effector, by name: where it is [m], from there to where it rests [m], shape
+            (3,) each, and J, shape (3, s); none with contact or a ball.
     """
 
     w: FloatArray
@@ -76,6 +79,7 @@ class Compliance:
     quaternion: FloatArray
     equilibrium_offset: FloatArray
     stability_margin: "StabilityMargin | None" = None
+    places: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=dict)
 
 
 def compliance(
@@ -85,6 +89,7 @@ def compliance(
     rest: "RestState | None" = None,
     softest: "SoftestMove | None" = None,
     observed: "ObservedPoint | None" = None,
+    places: "Mapping[str, ObservedPoint] | None" = None,
 ) -> Compliance:
     """Return the compliance of `system` at `state`, or where that would rest.
 
@@ -95,6 +100,7 @@ def compliance(
         rest: The state of rest that goes along with `state`: the tangent is that of rest then.
         softest: Tells the stability margin; None where nobody asks for it. With contact it is not told.
         observed: The effector where it is no disc.
+        places: Further places of it; left out with `held`.
 
     Raises:
         SceneError: the system has no effector.
@@ -103,7 +109,7 @@ def compliance(
     if not (observed or system.groups.rigid):
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
     with system.taut():
-        return _compliance(system, state, held, rest, softest, observed)
+        return _compliance(system, state, held, rest, softest, observed, places or {})
 
 
 def _compliance(
@@ -113,10 +119,12 @@ def _compliance(
     rest: "RestState | None",
     softest: "SoftestMove | None",
     observed: "ObservedPoint | None",
+    places: "Mapping[str, ObservedPoint]",
 ) -> Compliance:
     s = system.actuators
     at = _factored(system, state, rest)
     efforts, gaps, soft = system.efforts.copy(), system.gaps, None
+    slopes = dict[str, tuple[FloatArray, FloatArray]]()
     first = 3 * system.reduction.free_count
     none = np.zeros(0, dtype=np.int64)
     try:
@@ -141,6 +149,7 @@ def _compliance(
             answer = _response(system, none, answers, observed)
             if fall.slack.any():
                 answer = replace(answer, fall=answer.fall + answer.jacobian @ fall.slack)
+            slopes = {name: _slopes(system, place, answers, fall) for name, place in places.items()}
             soft = softest.stability_margin(system, at, answers) if softest else None
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
@@ -175,6 +184,7 @@ def _compliance(
         quaternion(turn),
         offset,
         soft,
+        {name: _place(places[name], state, at if rest else None, *slope) for name, slope in slopes.items()},
     )
 
 
@@ -235,6 +245,24 @@ def _slack(S: FloatArray, tau: FloatArray, gaps: FloatArray) -> FloatArray:
         first = int(np.argmax(wrong))
         is_slack[first] = not is_slack[first]
     return d
+
+
+def _slopes(
+    system: System, place: "ObservedPoint", answers: FloatArray, fall: _Fall
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far a place moves to where it rests [m], shape (3,), and its J, shape (3, s)."""
+    rows, driven = place.forces(system.reduction, len(system.rest))
+    jacobian = -(rows.T @ answers[:, 6:-1])
+    jacobian[:, : len(driven)] += driven.T
+    return rows.T @ fall.unknowns, jacobian
+
+
+def _place(
+    place: "ObservedPoint", state: State, rest: State | None, move: FloatArray, jacobian: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a value of `Compliance.places`; `rest`: the state of rest if there is one, else it is `move` away."""
+    here = place.position(state.positions)
+    return here, move if rest is None else place.position(rest.positions) - here, jacobian
 
 
 def _pose(state: State, observed: "ObservedPoint | None") -> tuple[FloatArray, FloatArray]:

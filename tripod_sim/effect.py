@@ -61,6 +61,7 @@ class Draft:
         bound: Of the stretch of springs; None without one.
         plate, ball: The maze on the disc, and how its ball moves; None without.
         observed: The effector where it is no disc (`robot.observed`); None without.
+        places: Further places of it that are observed, by name.
         notes: What users should know of it, one sentence each.
         watches: See `tripod_sim.steps.parts.Parts`.
         prepared: What an effect keeps for a later phase, by its name.
@@ -86,6 +87,7 @@ class Draft:
     plate: Any = None
     ball: Any = None
     observed: Any = None
+    places: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     watches: list[Callable[[FloatArray], str]] = field(default_factory=list)
     prepared: dict[str, Any] = field(default_factory=dict)

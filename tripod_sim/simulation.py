@@ -776,8 +776,9 @@ class Simulation:
             held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
         elif not self._ball:
             return compliance(
-                system, self.state, rest=self._rest, softest=self._softest, observed=self._parts.observed
-            )
+                system, self.state, rest=self._rest, softest=self._softest, observed=self._parts.observed,
+                places=self._parts.places,
+            )  # fmt: skip
         from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415 - only where something presses
 
         loads = system.term(NodalLoads)

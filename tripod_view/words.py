@@ -134,6 +134,7 @@ def ik_line(status: IkFields) -> Line:
         1: (Light.GOOD, f"following, {off}"),
         2: (Light.WATCH, f"target out of reach: {off}" + (f" (at limit: {limits})" if limits else "")),
         3: (Light.WATCH, "holds: no fresh data from the simulator"),
+        5: (Light.WATCH, f"waits while a closer pose is searched, {off}"),
         4: (Light.BAD, f"solver failed: {status.message or status.solver_status}"),
     }
     return Line(*_stated("Inverse kinematics", status.state, texts))

@@ -33,6 +33,25 @@ def test_a_target_is_solved_once_and_printed(words: list[str]) -> None:
     assert text["torques"].strip().endswith("N m")
 
 
+def test_further_places_have_targets_of_their_own() -> None:
+    words = [
+        "ik",
+        "trunk",
+        "--set",
+        'effector.more=[{name="middle", point=[0, 0, -0.0975], weight=0.5}]',
+        "--target",
+    ]
+    result = tripod(*words, "0.01 0 -0.19; middle = 8mm 0 -97mm")
+    text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
+    assert (result.exit_code, text["outcome"].strip().split(":")[0]) == (1, "closest pose")
+    assert len(text["middle"].split(",")) == 3 and "middle" in text["still missing"]
+    bare = tripod(*words, "0.01 0 -0.19; middle")
+    assert bare.exit_code == 2
+    assert_names(bare.stderr, "--target", "'middle'", "effector.more")
+    short = tripod(*words, "0.01 0 -0.19; middle = 1 2")
+    assert_names(short.stderr, "--target middle", "3 finite numbers")
+
+
 @pytest.mark.parametrize("words", [["ik", "--target", "0 0 0"], ["reach"]])
 def test_a_slide_that_is_no_length_is_refused(words: list[str]) -> None:
     result = tripod(*words, "--slide", "3 ft")

@@ -59,6 +59,7 @@ def mode_line(mode: Mode, source: str, now: float = 0.0) -> Line:
         ),
         (words.ik_line(ik(state=3)), Light.WATCH, ("no fresh data", "simulator")),
         (words.ik_line(ik(state=4, solver_status="infeasible")), Light.BAD, ("solver", "infeasible")),
+        (words.ik_line(ik(state=5, error=2e-3)), Light.WATCH, ("closer pose", "2.00 mm")),
         (
             words.robot_line(robot(port="/dev/ttyACM0")),
             Light.GOOD,

@@ -1,6 +1,6 @@
 """What a simulation is made of."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -56,6 +56,7 @@ class Parts:
         plate: The maze on the disc; None without one.
         ball: How the ball in the maze moves; None without one.
         observed: The effector where it is no disc; None without.
+        places: Further places of it that are observed, by name.
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
         doubling: Finds that error by steps of half the length; None where nobody asks, or `errors` does.
         chosen: Chooses the steps by what they err over their way, those of the ball among them; None: nothing does.
@@ -78,6 +79,7 @@ class Parts:
     plate: "Plate | None" = None
     ball: "MazeBall | None" = None
     observed: "ObservedPoint | None" = None
+    places: "Mapping[str, ObservedPoint]" = field(default_factory=dict)
     errors: "ErrorTransport | AutomaticSprings | None" = None
     doubling: "Remembers[TwinState] | None" = None
     chosen: "Chooses | None" = None

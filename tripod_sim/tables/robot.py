@@ -56,6 +56,23 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class EffectorPoint:
+    """A further place that inverse kinematics brings to a target, observed as `[effector]` with `point` or `set` is.
+
+    Attributes:
+        name: By which targets name it.
+        point: A point of the body of the effector, undeformed, in the frame of the body [m].
+        set: Name of a set: its mean position is observed.
+        weight: How much its distance from the target counts, that of the effector counting 1.
+    """
+
+    name: str
+    point: tuple[float, float, float] | None = number(None, unit="m", low=-1e3, high=1e3)
+    set: str = ""
+    weight: float = number(1.0, above=0, high=1e6)
+
+
+@dataclass(frozen=True)
 class Effector:
     """The effector: a rigid disc in the centre of the piece; or a point or the mean of a set, which is only observed.
 
@@ -66,11 +83,13 @@ class Effector:
         point: A point of the body, undeformed, in the frame of the body [m]: anywhere in its elements, or a node of a
             net.
         set: Name of a set: its mean position is observed.
+        more: Further places that have targets of their own in inverse kinematics, each a `[[effector.more]]`.
     """
 
     radius: float = number(0.0075, unit="m", above=0, high=10.0)
     point: tuple[float, float, float] | None = number(None, unit="m", low=-1e3, high=1e3)
     set: str = ""
+    more: tuple[EffectorPoint, ...] = ()
 
     @property
     def is_disc(self) -> bool:
