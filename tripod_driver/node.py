@@ -313,7 +313,10 @@ class DriverNode(LifecycleNode):
         while self._safety.can_move and not self._driver.at_rest:
             if time.monotonic() > deadline:
                 pairs = zip(self._safety.joints, self._driver.sent, strict=True)
-                values = ", ".join(f"{joint.name} {value:.4g} {joint.unit}" for joint, value in pairs)
+                values = ", ".join(
+                    f"{value:.3f} rad" if joint.unit == "rad" else joint.shown(value)
+                    for joint, value in pairs
+                )
                 self.get_logger().warning(
                     f"the park pose was not reached within park_time_max {self._park_time_max:g} s; the robot was left "
                     f"at {values}"

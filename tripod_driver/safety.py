@@ -161,9 +161,7 @@ class Safety:
             return self._trouble
         if self._halted:
             return "stopped by a service call; change the control mode to move again"
-        if self._unplaced:
-            return self._unplaced
-        return "" if self._active else "the driver is not active: commands are ignored"
+        return self._unplaced if self._active else "the driver is not active: commands are ignored"
 
     def motion(self, now: float) -> Motion:
         """Return what it does at `now` [s], for who waits for the end of a trajectory."""

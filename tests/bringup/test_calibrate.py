@@ -9,6 +9,7 @@ import pytest
 from tests.bringup.console import Script
 from tests.messages import assert_names, names
 from tripod_bringup.calibrate_command import (
+    BAD_ARGUMENTS,
     PATIENCE,
     TICK,
     CalibrateSession,
@@ -16,8 +17,8 @@ from tripod_bringup.calibrate_command import (
     calibrate_command,
     calibrating_sessions,
 )
-from tripod_driver.calibration import Calibration, ServoCalibration
-from tripod_driver.calibration_file import read_calibration
+from tripod_driver.calibration import Calibration, ServoCalibration, WinchCalibration
+from tripod_driver.calibration_file import calibration_text, read_calibration
 from tripod_driver.calibrator import (
     FINE,
     HOLD,
@@ -458,3 +459,12 @@ def test_what_cannot_begin_is_told_in_one_line(tmp_path: Path, capsys, monkeypat
     assert_names(attempt(file=bad), "bad.yaml", "servos is 3", "table")
     monkeypatch.setattr("sys.stdin", None)
     assert_names(attempt(), "needs", "terminal")
+
+
+def test_a_file_of_winches_is_refused_and_kept(tmp_path: Path, capsys) -> None:
+    file = tmp_path / "robot.yaml"
+    text = calibration_text(Calibration((), {"left": WinchCalibration()}))
+    file.write_text(text)
+    assert calibrate_command("mock", file, protocol="framed", baud=0, boot_time=0.0) == BAD_ARGUMENTS
+    assert_names(capsys.readouterr().err, "tripod calibrate", str(file), "left", "drum")
+    assert file.read_text() == text

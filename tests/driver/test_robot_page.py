@@ -7,7 +7,7 @@ import pytest
 
 from tests.messages import line_naming
 from tripod_driver import framed_session
-from tripod_driver.calibration import Calibration
+from tripod_driver.calibration import Calibration, PressureCalibration, WinchCalibration
 from tripod_driver.calibration_file import parse_calibration
 from tripod_driver.calibrator import SPEED
 from tripod_graph.cdr import MOST_POINTS
@@ -25,7 +25,9 @@ MESSAGES = re.findall(r"^\| `(.*?)` \| (?!`)", PAGE.partition("## What it says")
 
 
 def test_the_example_is_the_calibration_of_a_servo_as_the_workshop_mounts_it() -> None:
-    [example] = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    example, channels = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    wanted = {"left": WinchCalibration(), "right": WinchCalibration(), "air": PressureCalibration()}
+    assert parse_calibration(channels) == Calibration((), wanted)
     for found, default in zip(parse_calibration(example).servos, Calibration().servos, strict=True):
         assert (found.direction, found.pulse_range) == (default.direction, default.pulse_range)
         assert (found.offset, *found.safe_range) == pytest.approx(

@@ -185,7 +185,7 @@ def body_of(*parts: int, size: int = 0) -> bytes:
         (b"\x05\x01\0", Drop.COBS),
         (b"\x03\x01\x01\0", Drop.TOO_SHORT),
         (encode(Hello(), 1)[:-2] + b"\x01\0", Drop.CRC),
-        (framed(body_of(VERSION, 0x08, 0)), Drop.TYPE),
+        (framed(body_of(VERSION, 0x09, 0)), Drop.TYPE),
         (framed(body_of(VERSION, 0x06, 0, size=3)), Drop.LENGTH),
         (framed(body_of(VERSION, 0x07, 0)), Drop.LENGTH),
         (framed(body_of(VERSION, 0x85, 0, 1, 0, 3, size=4)), Drop.VALUE),  # kind 3
