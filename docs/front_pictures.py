@@ -1,7 +1,7 @@
-"""Draw the pictures of the first page and the robots of actuators.md: `python docs/front_pictures.py` (needs matplotlib).
+"""Draw the first page's pictures and that of the robots: `python docs/front_pictures.py` (needs matplotlib).
 
-`film.webp`: four scenes as `tripod run` shows them; `robots.webp`: four robots with cables and air. `promise_accuracy.png`: the stored study of the moving robot.
-`promise_stability.png`: the robot after a jump of its servos. `promise_effects.png`: the time of a step with more
+`film.webp`: four scenes as `tripod run` shows them; `robots.webp`: four robots with cables and air.
+`promise_accuracy.png`: the stored study of the moving robot. `promise_stability.png`: the robot after a jump of its servos. `promise_effects.png`: the time of a step with more
 effects, measured on this machine. The picture of the page: `python benchmarks/page_picture.py tripod
 docs/images/page.png --size 1400 800 --card servos --zoom 14 --servo "0:0,0,0; 2:-1.25,-1.6,-1.65; 90:-1.25,-1.6,-1.65"
 --slide "0:0; 2:0.035; 90:0.035"`.
@@ -88,7 +88,8 @@ def mosaics(tiles: tuple[Tile, ...], count: int) -> list[Image.Image]:
     columns = [list(tile_pictures(tile, count)) for tile in tiles]
     rows = [columns[k : k + COLUMNS] for k in range(0, len(columns), COLUMNS)]
     return [
-        Image.fromarray(np.vstack([np.hstack([tile[k] for tile in row]) for row in rows])) for k in range(count)
+        Image.fromarray(np.vstack([np.hstack([tile[k] for tile in row]) for row in rows]))
+        for k in range(count)
     ]
 
 

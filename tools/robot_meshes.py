@@ -1,7 +1,7 @@
 """Write the meshes of the scenes with cables and air: `python -m tools.robot_meshes`.
 
-The cells are hexahedra, in GiD's text format, in millimetres. The sizes of the fingers are our own. Those of the diamond
-and the trunk are measured on the examples Diamond and Trunk of SOFA's plugin SoftRobots [Duriez2013].
+The cells are hexahedra, in GiD's text format, in millimetres. The sizes of the fingers are our own. Those of the
+diamond and the trunk are measured on the examples Diamond and Trunk of SOFA's plugin SoftRobots [Duriez2013].
 """
 
 from collections.abc import Callable
@@ -149,7 +149,12 @@ def text(cells: Cells) -> str:
     return "\n".join([*lines, "End Elements", ""])
 
 
-MESHES = {"finger_cable": finger_cable, "finger_pneumatic": finger_pneumatic, "diamond": diamond, "trunk": trunk}
+MESHES = {
+    "finger_cable": finger_cable,
+    "finger_pneumatic": finger_pneumatic,
+    "diamond": diamond,
+    "trunk": trunk,
+}
 
 
 def main() -> None:

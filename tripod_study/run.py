@@ -146,7 +146,10 @@ def run(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
     simulation.note(
-        *_unstable(unstable, steps), *_snapped(snapped), *_astray(errors.largest, simulation), *_lowered_restitution(lowered)
+        *_unstable(unstable, steps),
+        *_snapped(snapped),
+        *_astray(errors.largest, simulation),
+        *_lowered_restitution(lowered),
     )
     pose, ball, servos = simulation.effector, simulation.ball, len(simulation.driven_frames)
     return {
@@ -292,8 +295,8 @@ def _snapped(times: Sequence[float]) -> list[str]:
     more = f" and in {len(times) - 1} later steps" if len(times) > 1 else ""
     return [
         (
-            f"the body snapped through in the step to {times[0]:.4g} s{more}: near the limit point before, a small change "
-            "of load moves it far. Run it with [inertia] to see how it gets there"
+            f"the body snapped through in the step to {times[0]:.4g} s{more}: near the limit point before, a small "
+            "change of load moves it far. Run it with [inertia] to see how it gets there"
         )
     ]
 

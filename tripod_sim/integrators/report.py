@@ -135,7 +135,11 @@ class StepReport:
         """Add what one more substep took; what is no work is that of the last."""
         for name in SUMMED:
             setattr(self, name, getattr(self, name) + getattr(part, name))
-        self.residual, self.unstable, self.snapped = part.residual, part.unstable, self.snapped or part.snapped
+        self.residual, self.unstable, self.snapped = (
+            part.residual,
+            part.unstable,
+            self.snapped or part.snapped,
+        )
         if not isinstance(part, StepReport):
             return
         self.dt_limit, self.growth, self.grew_at = part.dt_limit, part.growth, part.grew_at

@@ -145,7 +145,9 @@ def _check_arrays(arrays: Arrays) -> None:
     if "cables" in arrays:
         counts = arrays.get("cable_points", np.zeros(0, int))
         if (counts < 2).any() or counts.sum() != arrays["cables"].shape[1]:
-            raise FilmError(f"cable_points: at least 2 each, {arrays['cables'].shape[1]} together; they are {counts[:8]}")
+            raise FilmError(
+                f"cable_points: at least 2 each, {arrays['cables'].shape[1]} together; they are {counts[:8]}"
+            )
     texts = arrays.get("event_texts", np.zeros(0))
     if len(np.shape(texts)) != 1 or len(texts) != len(arrays.get("event_times", ())):
         raise FilmError("event_texts: a film needs one for each of event_times")
@@ -213,7 +215,8 @@ def _cables(arrays: Arrays, shown: FloatArray, steps: NDArray[np.int64]) -> list
     ends = np.cumsum([0, *np.asarray(arrays["cable_points"]).tolist()]).tolist()
     tubes = [tube(arrays["cables"][steps, low:high], radius) for low, high in pairwise(ends)]
     return [
-        Deforming(f"cable {k}", triangles, vertices, CABLE) for k, (vertices, triangles) in enumerate(tubes, 1)
+        Deforming(f"cable {k}", triangles, vertices, CABLE)
+        for k, (vertices, triangles) in enumerate(tubes, 1)
     ]
 
 

@@ -72,7 +72,8 @@ def tube(points: FloatArray, radius: float) -> Shape:
     across /= np.maximum(np.linalg.norm(across, axis=2), 1e-12)[..., None]
     turn = 2 * np.pi * np.arange(3) / 3
     ring = radius * (
-        np.cos(turn)[:, None] * across[:, :, None] + np.sin(turn)[:, None] * np.cross(along, across)[:, :, None]
+        np.cos(turn)[:, None] * across[:, :, None]
+        + np.sin(turn)[:, None] * np.cross(along, across)[:, :, None]
     )  # (k, n - 1, 3, 3)
     vertices = np.concatenate([points[:, :-1, None] + ring, points[:, 1:, None] + ring], axis=2)
     sides = [t for a, b in ((0, 1), (1, 2), (2, 0)) for t in ((a, b, b + 3), (a, b + 3, a + 3))]
