@@ -23,6 +23,10 @@ NAMES = {
     "silicone": "Silicone piece, let go",
     "tripod_dynamic": "Tripod in motion",
     "maze": "Ball in the maze",
+    "finger_cable": "Finger, two cables",
+    "finger_pneumatic": "Finger, six chambers",
+    "diamond": "Diamond, four cables",
+    "trunk": "Trunk, eight cables",
     "tripod_static": "Tripod at rest",
     "ik": "Inverse kinematics",
 }

@@ -1,8 +1,9 @@
-"""Draw the pictures of the first page: `python docs/front_pictures.py` (needs matplotlib).
+"""Draw the first page's pictures and that of the robots: `python docs/front_pictures.py` (needs matplotlib).
 
-`film.webp`: four scenes as `tripod run` shows them. `promise_accuracy.png`: the stored study of the moving robot.
-`promise_stability.png`: the robot after a jump of its servos. `promise_effects.png`: the time of a step with more
-effects, measured on this machine. The picture of the page: `python benchmarks/page_picture.py tripod
+`film.webp`: four scenes as `tripod run` shows them; `robots.webp`: four robots with cables and air.
+`promise_accuracy.png`: the stored study of the moving robot. `promise_stability.png`: the robot after a jump of its
+servos. `promise_effects.png`: the time of a step with more effects, measured on this machine. The picture of the page:
+`python benchmarks/page_picture.py tripod
 docs/images/page.png --size 1400 800 --card servos --zoom 14 --servo "0:0,0,0; 2:-1.25,-1.6,-1.65; 90:-1.25,-1.6,-1.65"
 --slide "0:0; 2:0.035; 90:0.035"`.
 """
@@ -54,6 +55,14 @@ TILES = (
 )
 """The four scenes, from left to right and from top to bottom."""
 
+ROBOTS = (
+    Tile("finger_cable", "finger_cable", (), 1.0),
+    Tile("finger_pneumatic", "finger_pneumatic", (), 1.0),
+    Tile("diamond", "diamond", (), 2.0),
+    Tile("trunk", "trunk", (), 1.0),
+)
+"""Robots with cables and air, at the end of what is shown."""
+
 SIZE, COLUMNS, RATE, SECONDS, LAST = (432, 300), 2, 25.0, 4.0, 1.0
 """Size of a tile, tiles in a row, pictures a second, length of the film and of its last picture [s]."""
 FINER, QUALITY, MOST_BYTES = 2, 82, 3_000_000
@@ -62,12 +71,7 @@ FINER, QUALITY, MOST_BYTES = 2, 82, 3_000_000
 
 def film(path: Path) -> None:
     """Write TILES as one animated WebP that repeats for ever."""
-    columns = [list(tile_pictures(tile)) for tile in TILES]
-    rows = [columns[k : k + COLUMNS] for k in range(0, len(columns), COLUMNS)]
-    frames = [
-        Image.fromarray(np.vstack([np.hstack([tile[k] for tile in row]) for row in rows]))
-        for k in range(round(RATE * SECONDS))
-    ]
+    frames = mosaics(TILES, round(RATE * SECONDS))
     durations = [round(1e3 / RATE)] * (len(frames) - 1) + [round(1e3 * LAST)]
     words = {"duration": durations, "loop": 0, "quality": QUALITY, "method": 4}
     frames[0].save(path, save_all=True, append_images=frames[1:], **words)
@@ -75,13 +79,28 @@ def film(path: Path) -> None:
         raise SystemExit(f"{path.name} has {path.stat().st_size} bytes; at most {MOST_BYTES}: lower QUALITY")
 
 
-def tile_pictures(tile: Tile) -> Iterator[NDArray[np.uint8]]:
-    """Run the scene of a tile; yield its pictures with the caption in them."""
+def robots(path: Path) -> None:
+    """Write ROBOTS as one picture."""
+    mosaics(ROBOTS, 1)[0].save(path, quality=QUALITY, method=6)
+
+
+def mosaics(tiles: tuple[Tile, ...], count: int) -> list[Image.Image]:
+    """Return `count` pictures of tiles, evenly spaced over what is shown of each; the last at its end."""
+    columns = [list(tile_pictures(tile, count)) for tile in tiles]
+    rows = [columns[k : k + COLUMNS] for k in range(0, len(columns), COLUMNS)]
+    return [
+        Image.fromarray(np.vstack([np.hstack([tile[k] for tile in row]) for row in rows]))
+        for k in range(count)
+    ]
+
+
+def tile_pictures(tile: Tile, count: int) -> Iterator[NDArray[np.uint8]]:
+    """Run the scene of a tile; yield `count` pictures with the caption in them."""
     kept: list[Recording] = []
     run(tile.scene, overrides=tile.changes, duration=tile.shown, recorded=kept.append)
     arrays = kept[0].arrays()
     times = np.asarray(arrays["time"])
-    wanted = np.linspace(times[0], times[-1], round(RATE * SECONDS))
+    wanted = np.linspace(times[-1], times[0], count)[::-1]
     steps = np.unique(np.abs(times[:, None] - wanted).argmin(axis=0))
     shown = film_of(arrays, steps)
     painter = Painter(shown, (FINER * SIZE[0], FINER * SIZE[1]))
@@ -198,6 +217,8 @@ def main(names: list[str], folder: Path = IMAGES) -> None:
     """Draw the pictures `names`, without names all."""
     if not names or "film" in names:
         film(folder / "film.webp")
+    if not names or "robots" in names:
+        robots(folder / "robots.webp")
     for name, draw in {"accuracy": accuracy, "stability": stability, "effects": effects}.items():
         if not names or name in names:
             draw().savefig(folder / f"promise_{name}.png")

@@ -295,8 +295,8 @@ def _snapped(times: Sequence[float]) -> list[str]:
     more = f" and in {len(times) - 1} later steps" if len(times) > 1 else ""
     return [
         (
-            f"the body snapped through in the step to {times[0]:.4g} s{more}: near the limit point before, a small change "
-            "of load moves it far. Run it with [inertia] to see how it gets there"
+            f"the body snapped through in the step to {times[0]:.4g} s{more}: near the limit point before, a small "
+            "change of load moves it far. Run it with [inertia] to see how it gets there"
         )
     ]
 

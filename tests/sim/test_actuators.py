@@ -7,7 +7,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tests.scenes import SHARP
-from tests.sim.actuator_scenes import AIR, BY_LENGTH, BY_TENSION, PUSH, beam, finger
+from tests.sim.actuator_scenes import AIR, BY_LENGTH, BY_TENSION, PUSH, VIA, beam, finger
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.scene.script import script_of
 from tripod_study.run import run
@@ -165,6 +165,20 @@ def test_a_slack_cable_has_no_tension_and_a_pushed_one_stays_slack(tmp_path: Pat
     assert np.abs(simulation.positions - simulation.mesh.nodes).max() < 1e-9
     led(simulation, 0.004)
     assert simulation.efforts[0] > 0.1
+
+
+def test_two_via_points_at_one_place_are_one(tmp_path: Path) -> None:
+    doubled = VIA.replace("[0.03, 0.01, 0.003], ", "[0.03, 0.01, 0.003], [0.03, 0.01, 0.003], ")
+    found = []
+    for via in (VIA, doubled):
+        cable = f'cable=[{{name="tendon", via={via}, range=[0.0, 0.03]}}]'
+        simulation = Simulation(load_scene(finger(tmp_path), [FINE, cable]))
+        led(simulation, 0.01)
+        found.append((simulation.positions.copy(), simulation.efforts.copy()))
+    assert doubled != VIA
+    assert np.ptp(found[0][0][:, 2]) > 0.03
+    np.testing.assert_allclose(found[1][0], found[0][0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-4)
 
 
 def test_a_run_plays_the_script_of_the_scene_or_of_the_user(tmp_path: Path) -> None:

@@ -108,7 +108,16 @@ def test_the_price_of_a_default_is_told() -> None:
 
 def test_scene_files_tell_the_price_of_their_settings() -> None:
     files = accuracy_docs.scene_files(accuracy_docs.studies())
-    assert {path.stem for path in files} == {"pendulum", "cloth", "drape", "silicone", "tripod", "maze"}
+    robots = {"diamond", "finger_cable", "finger_pneumatic", "trunk"}
+    assert {path.stem for path in files} == {
+        "pendulum",
+        "cloth",
+        "drape",
+        "silicone",
+        "tripod",
+        "maze",
+        *robots,
+    }
     for path, text in files.items():
         assert path.read_text(encoding="utf-8") == text, "run python benchmarks/evidence.py"
     again = accuracy_docs.marked(

@@ -11,10 +11,9 @@ from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same
 
-
 SNAP, LEAST = 3.0, 0.02
-"""An increment snaps if it moves a node further than `SNAP` times the linear response to the load, and than this share of
-the body's largest extent. Up to a limit point equilibria move by at most twice the linear response."""
+"""An increment snaps if it moves a node further than `SNAP` times the linear response to the load, and than this share
+of the body's largest extent. Up to a limit point equilibria move by at most twice the linear response."""
 
 
 class QuasiStatic(Integrator):
@@ -69,7 +68,7 @@ class QuasiStatic(Integrator):
         return NewtonReport(residual=size, unstable=self._unstable) if size <= self.newton.tolerance else None
 
     def _snapped(self, state: State) -> bool:
-        """Return whether the load has moved `state` to another branch of equilibria; of commanded lengths: not known."""
+        """Return whether the load moved `state` to another branch of equilibria; False where lengths are commanded."""
         if self._load.response == np.inf or self.newton.system.commands_positions:
             return False
         moved = float(np.sqrt(((state.positions - self._before) ** 2).sum(axis=1).max()))
