@@ -54,7 +54,7 @@ def plot_command(file: Path, out: Path | None, segment: int | None = None) -> in
 
     def write() -> Bag:
         _check(out, (".png", ".svg", ".pdf"))
-        from tripod_bringup.bag_plot import draw  # noqa: PLC0415 - not needed for the help
+        from tripod_bringup.bag_plot import draw, joint_units  # noqa: PLC0415 - not needed for the help
 
         with progress_bar(shown=sys.stderr.isatty()) as progress:
             _say(progress, f"reading {file.name}")
@@ -63,7 +63,7 @@ def plot_command(file: Path, out: Path | None, segment: int | None = None) -> in
                 _restrict(bag, segment)
                 series = read_series(bag, progress=progress)
                 _say(progress, f"writing {out.name}")
-                draw(series, out, Path(bag.info.path).name)
+                draw(series, out, Path(bag.info.path).name, joint_units(bag))
         return bag
 
     return _run("plot", out, write)

@@ -11,10 +11,10 @@ from tripod_host.arrays import FloatArray
 from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured, checked
+from tripod_identify.observe import has_disc
 from tripod_record.bag import Bag
 from tripod_record.table import Series, read_series
 from tripod_sim.scene import Scene
-from tripod_sim.tables.short_forms import effector_of
 
 STILL = 1.0
 """A pose counts as at rest once its commands have stood for so long [s]."""
@@ -55,9 +55,9 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
     series = read_series(bag, lambda topic: any(topic.endswith(f"/{name}") for name in wanted))
     commands = _one(series, COMMANDS, path, "commands")
     seen = _one(series, SEEN, path, "measured pose")
-    if not effector_of(scene):
+    if not has_disc(scene):
         raise DataError(
-            f"scene {scene.name!r} has no effector, but {path} contains its pose; take the scene of that "
+            f"scene {scene.name!r} has no disc as its effector, but {path} contains its pose; take the scene of that "
             "robot"
         )
     count = scene.servos.count if scene.servos else 0

@@ -58,8 +58,10 @@ def read_measured(
 ) -> "Measured":
     """Return the data of a file for a scene. Raises DataError, RecordError."""
     from tripod_identify.measured import read_csv  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.model import check_servos  # noqa: PLC0415
     from tripod_identify.observe import sources_of  # noqa: PLC0415
 
+    check_servos(scene)
     renamed = dict(map(_pair, renames))
     if path.suffix.lower() == ".csv":
         return read_csv(path, scene, sources_of(scene, points), renamed, poses=poses)

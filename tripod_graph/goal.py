@@ -139,6 +139,7 @@ def _beyond(name: str, motion: Motion, asked: FloatArray, allowed: FloatArray) -
     """Return which joint is farther from where it is asked to be than `allowed`, in words; empty if none is."""
     for joint, here, there, most in zip(motion.joints, motion.actual, asked, allowed, strict=False):
         if not abs(here - there) <= most:  # the negation also catches NaN
-            unit = joint.unit
-            return f"{joint.name} is at {here:.4f} {unit}, but should be at {there:.4f}; {name} is {most:g} {unit}"
+            unit, form = joint.unit, ".4f" if joint.unit in ("rad", "m") else ".4g"
+            at = f"{joint.name} is at {here:{form}} {unit}, but should be at {there:{form}}"
+            return f"{at}; {name} is {most:g} {unit}"
     return ""

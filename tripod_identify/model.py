@@ -16,6 +16,7 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 from tripod_sim.steps.parts import Parts
 from tripod_sim.system import System
+from tripod_sim.tables.short_forms import joints_of
 
 TOLERANCE = 1e-7
 """Unbalanced force to which states and steps are solved [N]: small against what a changed value makes."""
@@ -58,16 +59,31 @@ class Told:
 def plainly(scene: Scene) -> Told:
     """Return what is assumed where nothing is known: servos and sensor as the scene has them.
 
-    Raises:
-        SceneError: a body has servos of its own: two robots' data would need names for theirs.
+    Raises SceneError, see `check_servos`.
     """
+    check_servos(scene)
+    count = scene.servos.count if scene.servos else 0
+    return Told(scene, np.zeros(count), np.ones(count), plain_sensor())
+
+
+def check_servos(scene: Scene) -> None:
+    """Raise SceneError where data cannot name all that is commanded.
+
+    That is where a body has servos of its own, since data of two robots would need names for theirs, and where there
+    are other actuators than servos.
+    """
+    joints = joints_of(scene)
+    if joints and joints.others:
+        off = " ".join(f'--set "{name}=[]"' for name in ("cable", "chamber", "force") if getattr(scene, name))
+        raise SceneError(
+            f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)}; data can have commands of servos "
+            f"only so far: identify the material without them, {off} --set motion=off, from data without commands"
+        )
     if any(body.servos for body in scene.body):
         raise SceneError(
             f"scene {scene.name!r} has bodies with their own servos ([body.servos]); data can be compared "
             "with [servos] only: make a scene of that one robot"
         )
-    count = scene.servos.count if scene.servos else 0
-    return Told(scene, np.zeros(count), np.ones(count), plain_sensor())
 
 
 def still(scene: Scene) -> Scene:

@@ -53,16 +53,22 @@ def with_watched(scene: Scene, points: Sequence[Point]) -> Scene:
     return replace(scene, marker=(*scene.marker, *more))
 
 
+def has_disc(scene: Scene) -> bool:
+    """Return whether the effector is rigid, so that it has an orientation: a disc or a platform."""
+    effector = effector_of(scene)
+    return effector is not None and effector.is_disc
+
+
 def sources_of(scene: Scene, points: Sequence[Point]) -> tuple[str, ...]:
     """Return the names that columns of data may have for this scene.
 
     Raises DataError: a point is on an effector that the scene has not.
     """
-    disc = EFFECTOR if effector_of(scene) else ()
+    disc = EFFECTOR if has_disc(scene) else ()
     for point in points:
         if point.set == DISC and not disc:
             raise DataError(
-                f"--point {point.name}={DISC}: scene {scene.name!r} has no effector; name a set of the scene"
+                f"--point {point.name}={DISC}: the effector of scene {scene.name!r} is no disc; name a set of the scene"
             )
     return (*disc, *(marker.set for marker in scene.marker), *(p.name for p in points))
 

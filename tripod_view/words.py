@@ -226,7 +226,7 @@ def mode_line(authority: OperatorAuthority) -> Line:
         return Line(
             Light.BAD,
             "STOP",
-            f"{name_of(tracker.lost)} is silent: the robot holds, then moves to its park pose",
+            f"{name_of(tracker.lost)} is silent: the robot holds, then goes to its park pose",
         )
     if not tracker.source:
         return Line(Light.OFF, "Ready", "nobody commands yet")

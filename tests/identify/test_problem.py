@@ -11,7 +11,7 @@ from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly
-from tripod_identify.observe import Point
+from tripod_identify.observe import Point, sources_of
 from tripod_identify.parameters import parameters
 from tripod_identify.problem import Problem
 from tripod_sim import SceneError, load_scene
@@ -98,3 +98,12 @@ def test_values_that_the_data_have_nothing_to_do_with_are_refused() -> None:
 def test_two_robots_in_one_scene_are_not_compared() -> None:
     with raises_naming(SceneError, "'two_tripods'", "[body.servos]", "[servos]"):
         plainly(load_scene("two_tripods"))
+
+
+def test_data_have_no_commands_of_cables_yet() -> None:
+    with raises_naming(SceneError, "'finger_cable'", "left, right", "cable=[]", "motion=off"):
+        plainly(load_scene("finger_cable"))
+    plainly(load_scene("finger_cable", ["cable=[]", "motion=off"]))
+    assert sources_of(load_scene("finger_cable"), ()) == (
+        "tip",
+    )  # its effector is a set, and has no orientation

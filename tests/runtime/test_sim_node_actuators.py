@@ -9,12 +9,16 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
+from action_msgs.msg import GoalStatus
+from control_msgs.msg import JointTolerance
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import ControlMode, SimStatus
 
 from tests.decisions import SOURCE
+from tests.goals import Goals, goal
 from tests.messages import assert_names
+from tests.sim.actuator_scenes import VIA, finger
 from tripod_graph import names
 
 pytestmark = pytest.mark.ros
@@ -22,39 +26,14 @@ ROOT = Path(__file__).parents[2]
 FINGER = str(ROOT / "examples" / "tendon_finger.toml")
 COARSE = "mesh.element=h8_modes;mesh.cells=[4,1,1];motion=off"
 NAN = float("nan")
-MIXED = """
-name = "mixed"
-dt = 0.005
-[mesh]
-source = "block"
-element = "h8_modes"
-cells = [4, 1, 1]
-corners = [[0, 0, 0], [0.1, 0, 0], [0.1, 0.02, 0], [0, 0.02, 0],
-           [0, 0, 0.015], [0.1, 0, 0.015], [0.1, 0.02, 0.015], [0, 0.02, 0.015]]
-[material]
-young = 300e3
-density = 1070
-[inertia]
-[damping]
-stiffness = 0.01
-[[set]]
-name = "root"
-high = [0, 1, 1]
-[[set]]
-name = "tip"
-low = [0.1, -1, -1]
-[[fixed]]
-set = "root"
-[[cable]]
-name = "tendon"
-range = [0, 0.01]
-via = [{body = "world", points = [[-0.01, 0.01, 0.003]]}, {points = [[0, 0.01, 0.003], [0.099, 0.01, 0.003]]}]
-[[force]]
-name = "push"
-set = "tip"
-direction = [0, 1, 0]
-range = [-0.5, 1]
-"""
+MIXED = ";".join(
+    (
+        "mesh.element=h8_modes", "mesh.cells=[4,1,1]", "inertia={}", "damping.stiffness=0.01",
+        f'cable=[{{name="tendon", via={VIA}, range=[0, 0.01]}}]',
+        'force=[{name="push", set="tip", direction=[0, 1, 0], range=[-0.5, 1]}]',
+    )
+)  # fmt: skip
+"""Of the finger."""
 
 
 def send(
@@ -121,8 +100,7 @@ def test_a_cable_follows_its_trajectory_holds_on_stop_and_parks(make) -> None:
     ],
 )
 def test_a_command_of_the_wrong_kind_is_refused(make, tmp_path, joints, positions, effort, wrong) -> None:
-    (tmp_path / "mixed.toml").write_text(MIXED)
-    graph = make(scene=str(tmp_path / "mixed.toml"), timeout=60.0).start()
+    graph = make(scene=finger(tmp_path), set=f"'{MIXED}'", timeout=60.0).start()
     graph.choose(ControlMode.TELEOP)
     send(graph, joints, positions, effort)
     told = graph.status(rejected_commands=1)
@@ -131,8 +109,7 @@ def test_a_command_of_the_wrong_kind_is_refused(make, tmp_path, joints, position
 
 
 def test_lengths_are_positions_and_forces_are_efforts(make, tmp_path) -> None:
-    (tmp_path / "mixed.toml").write_text(MIXED)
-    graph = make(scene=str(tmp_path / "mixed.toml"), timeout=60.0, range_time=0.1).start()
+    graph = make(scene=finger(tmp_path), set=f"'{MIXED}'", timeout=60.0, range_time=0.1).start()
     told = graph.next(names.SIM_STATUS)
     assert (list(told.joint_names), list(told.units)) == (["tendon", "push"], ["m", "N"])
     assert list(told.speed) == pytest.approx([0.1, 15.0])
@@ -148,3 +125,24 @@ def test_lengths_are_positions_and_forces_are_efforts(make, tmp_path) -> None:
     assert labels.split()[-3:] == ["tendon", "push", "slide"]
     assert graph.call(names.SIM_RESET, Trigger.Request()).success
     assert state(graph)["push"][1] == 0.0
+
+
+def test_goals_of_an_action_are_lengths_and_forces(make, tmp_path) -> None:
+    graph = make(scene=finger(tmp_path), set=f"'{MIXED}'", timeout=60.0, range_time=0.2).start()
+    goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
+    graph.choose(ControlMode.TELEOP)
+    asked = goal((0.004, 0.0), seconds=0.3, source=SOURCE, joints=("tendon", "push"))
+    asked.trajectory.points[0].effort = [0.0, 0.4]
+    status, code, why = goals.end(goals.send(asked))
+    assert (status, code, why) == (GoalStatus.STATUS_SUCCEEDED, 0, "")
+    now = state(graph)
+    assert now["tendon"][0] == pytest.approx(0.004, abs=1e-4)
+    assert now["push"][1] == pytest.approx(0.4, abs=0.01)
+    told = goals.feedback[-1]
+    assert list(told.joint_names) == ["tendon", "push"]
+    assert (told.desired.effort[1], told.desired.positions[1]) == (pytest.approx(0.4, abs=0.1), 0.0)
+    assert told.actual.positions[0] == pytest.approx(0.004, abs=1e-3)
+    asked.path_tolerance = [JointTolerance(name="servo_0", position=0.1)]
+    status, _, why = goals.end(goals.send(asked))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert_names(why, "path_tolerance", "'servo_0'", "tendon, push")
