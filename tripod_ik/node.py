@@ -438,8 +438,8 @@ class IkNode(Node):
             reason = f"no usable {names.COMPLIANCE} since {now - self._received:.1f} s"
             if self._interval > self._stale_after:
                 reason += (
-                    f"; the simulator sends one in {self._interval:.1f} s: set stale_after to more than that, 0.5 s at "
-                    "most, or take a coarser mesh"
+                    f"; the simulator sends one in {self._interval:.1f} s: set stale_after to more than that, "
+                    "or take a coarser mesh"
                 )
         if self._last_rejection.startswith("compliances"):
             reason += f"; refused {self._last_rejection}"

@@ -171,10 +171,10 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "stale_after",
         0.2,
-        "age from which on a compliance is not used",
+        "silence of the simulator after which nothing is commanded, and motion begins again from where it is",
         "s",
         low=0.02,
-        high=0.5,
+        high=5.0,
         dynamic=True,
     ),
 )
