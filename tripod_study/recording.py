@@ -14,7 +14,7 @@
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
 | `actuator_positions`, `actuator_efforts` | k, a | of other actuators [m or m³], [N or Pa]; with any |
-| `actuator_names`, `actuator_units` | a | of these: name, unit of the command |
+| `actuator_names`, `actuator_units` | a | name, unit of the command |
 | `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
 | `cable_names`, `cable_points` | c | of cables: name, number of points; with any |
 | `cable_nodes`, `cable_weights`, `cable_fixed` | p, m twice; p, 3 | a, N_a, X_p of points X_p + sum_a N_a x_a [m] |
