@@ -187,3 +187,5 @@ def test_a_servo_script_is_a_motion_of_angles_and_slide() -> None:
     assert still is not None
     assert still.joints.tolist() == [[-0.1, 0, 0]] * 2
     assert joint_path("tripod", [], None, None) is None
+    with raises_naming(SceneError, "--servo", "'finger_cable'", "left, right", "joint_trajectory"):
+        joint_path("finger_cable", [], "0:0,0,0", None)
