@@ -15,7 +15,7 @@ from tripod_bringup import cli, up_cli, up_command
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.script import joint_path
 from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
-from tripod_sim import load_scene, scene_names
+from tripod_sim import SceneError, load_scene, scene_names
 from tripod_sim.scene.file import field_names
 
 
