@@ -115,11 +115,11 @@ def _of_others(fields: Sequence[str], units: Mapping[str, str]) -> list[tuple[st
         command = units.get(name, "")
         unit = (POSITIONS if kind == "position" else EFFORTS).get(command, command) or "SI"
         factor, shown = SHOWN.get(unit, (1.0, unit))
-        title = f"{'commanded' if unit == command else 'given in return'} by cables, chambers and forces"
+        title = f"{'commands to' if unit == command else 'return of'} cables, chambers and forces"
         found.setdefault((title if command else "other joints", shown), []).append(
             ("sim/joint_states", field, "-", factor)
         )
-    return [(title, unit, curves) for (title, unit), curves in found.items()]
+    return [(title, unit, curves) for (title, unit), curves in sorted(found.items())]
 
 
 def draw(series: dict[str, Series], path: Path, title: str, units: Mapping[str, str] | None = None) -> None:

@@ -57,8 +57,8 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
     seen = _one(series, SEEN, path, "measured pose")
     if not has_disc(scene):
         raise DataError(
-            f"scene {scene.name!r} has no disc as its effector, but {path} contains its pose; take the scene of that "
-            "robot"
+            f"scene {scene.name!r} has no effector that is a disc, but {path} contains its pose; take the scene "
+            "of that robot"
         )
     count = scene.servos.count if scene.servos else 0
     known = {n.removeprefix("position.") for n in commands.values if n.startswith("position.")}

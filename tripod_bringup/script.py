@@ -23,15 +23,22 @@ def joint_path(
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
     from tripod_sim.scene.file import load_scene  # noqa: PLC0415
     from tripod_sim.scene.script import script_of  # noqa: PLC0415
+    from tripod_sim.tables.short_forms import joints_of  # noqa: PLC0415
 
     found = load_scene(scene, overrides)
     if servo is None:
         raise SceneError("--slide needs --servo: the robot is moved to both")
+    joints = joints_of(found)
+    if joints and joints.others:
+        raise SceneError(
+            f"--servo: scene {found.name!r} has {', '.join(a.name for a in joints.others)}, which it does not move; "
+            "leave it out, and command all joints by a joint_trajectory, `tripod teleop` or the page"
+        )
     script = script_of(found, servo, slide)
     angles, slides = script.angles, script.slides
     assert angles
     times = np.union1d(angles.times, slides.times if slides else [])
     if len(times) == 1:
         times = np.append(times, times + HELD)
-    joints = [np.append(angles.at(t), slides.at(t) if slides else []) for t in times]
-    return JointPath(times, np.array(joints), angles.values.shape[1])
+    places = [np.append(angles.at(t), slides.at(t) if slides else []) for t in times]
+    return JointPath(times, np.array(places), angles.values.shape[1])

@@ -168,7 +168,7 @@ def _paced(
         lead = float(np.abs(angles[0] - start).max()) / speed
         if lead > 0:
             if lead > NOTICED:
-                limits.append(Limit(0.0, 0.0, f"begins {lead:.3g} s late: the servos first go to its start"))
+                limits.append(Limit(0.0, 0.0, f"begins {lead:.3g} s late: the robot first goes to its start"))
             times, angles = np.append(-lead, times), np.vstack([start, angles])
     spans, moves = np.diff(times), np.abs(np.diff(angles, axis=0))
     needed = moves.max(axis=1) / speed

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from tripod_graph import names
 from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_host.arrays import FloatArray
 from tripod_runtime.realtime import Snapshot
 from tripod_runtime.requests import Request, request_of
 from tripod_sim.errors import SceneError
@@ -79,18 +80,22 @@ class Introspection:
     def reset(self, first: Snapshot) -> None:
         """Restart the energy books: the simulation is back in its start state."""
         with self._lock:
-            self._books = EnergyBooks(first.energies, first.joints, first.efforts, first.time)
+            self._books = EnergyBooks(first.energies, *self._work(first), first.time)
             self._halvings, self._latest = 0, first
             self.stability_margin: list[float] | None = None
 
     def keep(self, snapshot: Snapshot) -> None:
         """Enter a step into the books; called in the thread of the physics."""
         with self._lock:
-            self._books.add(snapshot.energies, snapshot.joints, snapshot.efforts, snapshot.time)
+            self._books.add(snapshot.energies, *self._work(snapshot), snapshot.time)
             self._halvings += snapshot.report.halvings
             self._latest = snapshot
             if snapshot.compliance and (soft := snapshot.compliance.stability_margin):
                 self.stability_margin = [soft.value, snapshot.time]
+
+    def _work(self, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
+        """Return where joints are and what they do there."""
+        return self._simulation.joint_work(snapshot.joints, snapshot.efforts)
 
     def publish_scene(self) -> None:
         """Publish what there is to draw, what accuracies cost, and which effects there are."""

@@ -574,9 +574,15 @@ class Simulation:
             joints[: self._servo_count] = self.state.servos.command
         return joints
 
-    def joint_work(self) -> tuple[FloatArray, FloatArray]:
-        """Return `State.joints` with the positions of actuators (see `Joints.moved`), and their efforts, shape (a,)."""
-        joints, efforts = self.state.joints.copy(), self.efforts
+    def joint_work(
+        self, joints: FloatArray | None = None, efforts: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `State.joints` with the positions of actuators (see `Joints.moved`), and their efforts, shape (a,).
+
+        `joints`, `efforts`: of another time, as `State.joints` and `efforts`; None: the present ones.
+        """
+        joints = (self.state.joints if joints is None else joints).copy()
+        efforts = self.efforts if efforts is None else efforts
         if self.joints and self.joints.others:
             a = len(efforts)
             joints[:a], efforts = self.joints.moved(joints[:a], efforts)

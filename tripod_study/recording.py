@@ -14,10 +14,10 @@
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
 | `angles`, `torques` | k, s | of the servos [rad], [N m] |
 | `actuator_positions`, `actuator_efforts` | k, a | of other actuators [m or m³], [N or Pa]; with any |
-| `actuator_names`, `actuator_units` | a | of these: name, unit of the command |
+| `actuator_names`, `actuator_units` | a | name, unit of the command |
+| `cables` | k, p, 3 | points of all cables [m]; with any |
+| `cable_names`, `cable_points` | c | of each: name, how many points |
 | `arms` | s, 13 | hub [m], quaternion, direction of the slide, lengths of arm, grip and rail [m]; with servos |
-| `cable_names`, `cable_points` | c | of cables: name, number of points; with any |
-| `cable_nodes`, `cable_weights`, `cable_fixed` | p, m twice; p, 3 | a, N_a, X_p of points X_p + sum_a N_a x_a [m] |
 | `slide` | k | of the servo bodies [m] |
 | `ball` | k, 7 | pose of the ball; with a ball |
 | `rigid` | k, r, 7 | poses of rigid bodies; with any |
@@ -46,6 +46,7 @@ UNITS = {
     "time": "s",
     "positions": "m",
     "vertices": "m",
+    "cables": "m",
     "energies": "J",
     "effector": "m, m, m, 1, 1, 1, 1",
     "angles": "rad",
@@ -57,7 +58,6 @@ UNITS = {
     "maze_vertices": "m",
     "maze_goal": "m",
     "still_vertices": "m",
-    "cable_fixed": "m",
     "event_times": "s",
 }
 """Of the arrays."""
@@ -91,6 +91,8 @@ class Recording:
         }
         if others := len(simulation.efforts) - servos:
             shapes |= {"actuator_positions": (others,), "actuator_efforts": (others,)}
+        if routes := simulation.routes:
+            shapes["cables"] = (sum(len(route.fixed) for route in routes.values()), 3)
         if own_skin:
             shapes["vertices"] = (len(simulation.skin.nodes), 3)
         if simulation.effector:
@@ -135,6 +137,8 @@ class Recording:
         if count > servos:
             joints, efforts = simulation.joint_work()
             a["actuator_positions"][k], a["actuator_efforts"][k] = joints[servos:count], efforts[servos:]
+        if "cables" in a:
+            a["cables"][k] = np.concatenate(list(simulation.cables(positions).values()))
         if "vertices" in a:
             a["vertices"][k] = simulation.shown(positions)
         for name, pose in (("effector", simulation.effector), ("ball", simulation.ball)):
@@ -223,12 +227,8 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         found["actuator_names"] = np.array([actuator.name for actuator in others])
         found["actuator_units"] = np.array([actuator.unit for actuator in others])
     if routes := simulation.routes:
-        from tripod_sim.mesh.embedding import joined  # noqa: PLC0415 - only with cables
-
         found["cable_names"] = np.array(list(routes))
         found["cable_points"] = np.array([len(route.fixed) for route in routes.values()])
-        points = joined(list(routes.values()))
-        found["cable_nodes"], found["cable_weights"], found["cable_fixed"] = points
     if plate := simulation.plate:
         from tripod_sim.maze.board_mesh import board_mesh  # noqa: PLC0415 - only with a maze
 

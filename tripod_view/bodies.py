@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_view.body import Surface
-from tripod_view.cable import SLACK_COLOUR, TAUT_COLOUR, Route, radius, tube
+from tripod_view.cable import SLACK_COLOUR, TAUT_COLOUR, Route, radius, tube, tube_triangles
 from tripod_view.frame import span
 from tripod_view.picture import Part, Picture
 from tripod_view.shade import Rgb, shade
@@ -95,7 +95,7 @@ class DrawnCable:
         """`number`: by which it is named; `extent`: of the bodies [m]."""
         self.route, self._extent, self._slack, self._nodes = route, extent, slack, surface.nodes
         self._handle = api.add_mesh_simple(
-            f"/cables/{number}", self._tube(), route.triangles.astype(np.uint32), side="double",
+            f"/cables/{number}", self._tube(), tube_triangles(len(route.fixed)).astype(np.uint32), side="double",
             color=SLACK_COLOUR if slack else TAUT_COLOUR, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 

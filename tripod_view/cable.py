@@ -44,16 +44,6 @@ class Route:
         if not fits or count < 2 or self.fixed.shape != (count, 3) or self.nodes.min(initial=0) < 0:
             raise ValueError(f"the points of cable {self.name!r:.40} do not fit each other")
 
-    @property
-    def triangles(self) -> IndexArray:
-        """Triangles of the tube, shape (t, 3)."""
-        ring, side = np.meshgrid(np.arange(len(self.fixed) - 1), np.arange(SIDES), indexing="ij")
-        a = (ring * SIDES + side).ravel()
-        b = (ring * SIDES + (side + 1) % SIDES).ravel()
-        return np.concatenate(
-            [np.stack([a, b, b + SIDES], axis=1), np.stack([a, b + SIDES, a + SIDES], axis=1)]
-        )
-
     def fits(self, count: int) -> bool:
         """Return whether `count` nodes are enough."""
         return bool(self.nodes.max(initial=-1) < count)
@@ -88,3 +78,11 @@ def tube(points: FloatArray, radii: FloatArray) -> FloatArray:
         ring = np.cos(turn)[:, None] * side[:, None] + np.sin(turn)[:, None] * up[:, None]
         rings.append(points[:, k, None] + radii[:, None, None] * ring)
     return np.concatenate(rings, axis=1)
+
+
+def tube_triangles(count: int) -> IndexArray:
+    """Return the triangles of a tube through so many points, facing outward, shape (t, 3)."""
+    ring, side = np.meshgrid(np.arange(count - 1), np.arange(SIDES), indexing="ij")
+    a = (ring * SIDES + side).ravel()
+    b = (ring * SIDES + (side + 1) % SIDES).ravel()
+    return np.concatenate([np.stack([a, b, b + SIDES], axis=1), np.stack([a, b + SIDES, a + SIDES], axis=1)])

@@ -15,7 +15,7 @@ from tripod_bringup import cli, up_cli, up_command
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.script import joint_path
 from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
-from tripod_sim import load_scene, scene_names
+from tripod_sim import SceneError, load_scene, scene_names
 from tripod_sim.scene.file import field_names
 
 
@@ -187,3 +187,5 @@ def test_a_servo_script_is_a_motion_of_angles_and_slide() -> None:
     assert still is not None
     assert still.joints.tolist() == [[-0.1, 0, 0]] * 2
     assert joint_path("tripod", [], None, None) is None
+    with raises_naming(SceneError, "--servo", "'finger_cable'", "left, right", "joint_trajectory"):
+        joint_path("finger_cable", [], "0:0,0,0", None)

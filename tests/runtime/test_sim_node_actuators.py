@@ -1,5 +1,6 @@
 """Cables, chambers and forces in the node graph: commands, refusals, joint states and status."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,9 @@ def test_goals_of_an_action_are_lengths_and_forces(make, tmp_path) -> None:
     assert list(told.joint_names) == ["tendon", "push"]
     assert (told.desired.effort[1], told.desired.positions[1]) == (pytest.approx(0.4, abs=0.1), 0.0)
     assert told.actual.positions[0] == pytest.approx(0.004, abs=1e-3)
+    energy = json.loads(graph.next(names.SIM_FIGURES).data)["energy"]
+    assert energy["work"] > 1e-4  # the force times its way, not the way times the force's rise
+    assert not energy["grew"]
     asked.path_tolerance = [JointTolerance(name="servo_0", position=0.1)]
     status, _, why = goals.end(goals.send(asked))
     assert status == GoalStatus.STATUS_ABORTED

@@ -24,7 +24,7 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
     accuracy = as_table(accuracy_summary(scene, simulation.scene, 0.04))
     effects = [asdict(f) for f in effect_summary(simulation.scene)]
     table = {**picture(simulation), "changes": [], "accuracy": accuracy, "effects": effects}
-    books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.efforts)
+    books = EnergyBooks(simulation.energies(), *simulation.joint_work())
     figures = asdict(stability(simulation.report, 0, books.balance, simulation.scene.dt))
     figures |= {
         "lines": stability_lines(figures),

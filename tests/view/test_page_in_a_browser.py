@@ -203,6 +203,8 @@ def test_every_control_of_every_scene_does_what_it_says(
             assert opened.errors == [], scene
         opened.page.locator("#begin").click()
         assert opened.page.locator("#start").count() == 0
+        opened.page.keyboard.press("Escape")  # who leaves in control leaves a notice behind
+        stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
     stage.destroy(requests)
     stage.wait(lambda: stage.watchers() == 0)
 

@@ -16,15 +16,14 @@ import pytest
 
 from tests.bringup.processes import wait_until
 from tests.messages import assert_names, names, raises_naming
-from tripod_study.run import run
 from tripod_view.arm import ArmGeometry, Stand, arm_pose, carriage_pose, stands
 from tripod_view.player.camera import camera
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece
 from tripod_view.player.html import player_page, write_html
-from tripod_view.player.of_run import _rigid_names, film_of
+from tripod_view.player.of_run import _rigid_names
 from tripod_view.player.packing import KINDS, edges, reel, stage
 from tripod_view.player.robot import robot_pieces
-from tripod_view.player.shapes import ball, box, disc, tube
+from tripod_view.player.shapes import ball, box, disc
 
 RNG = np.random.default_rng(0)
 EVENT = "the ball </script> falls"
@@ -140,40 +139,6 @@ def test_the_two_halves_of_a_ball_are_all_of_it() -> None:
     assert areas[0] == pytest.approx(areas[1])
     assert sum(areas) == pytest.approx(4 * np.pi * 4, rel=0.03)
     assert np.linalg.norm(halves[0][0], axis=1) == pytest.approx(2.0)
-
-
-def test_a_tube_stays_at_its_radius_around_each_segment_and_faces_outward() -> None:
-    line = np.cumsum(RNG.normal(size=(3, 5, 3)), axis=1)
-    line[0, :, :2] = 0.0  # upright: another direction across
-    vertices, triangles = tube(line, 0.01)
-    assert vertices.shape == (3, 24, 3)
-    for k in range(3):
-        for i in range(4):
-            start, along = line[k, i], line[k, i + 1] - line[k, i]
-            length = np.linalg.norm(along)
-            own = vertices[k, 6 * i : 6 * i + 6] - start
-            assert own @ along / length == pytest.approx([0, 0, 0, length, length, length])
-            across = own - np.outer(own @ along, along) / length**2
-            assert np.linalg.norm(across, axis=1) == pytest.approx(0.01)
-            a, b, c = (own[t] for t in (triangles[6 * i : 6 * i + 6] - 6 * i).T)
-            assert ((a + b + c - 1.5 * along) * np.cross(b - a, c - a)).sum(axis=1).min() > 0
-
-
-def test_a_film_shows_cables_and_no_disc_where_a_set_is_observed() -> None:
-    kept: list[Any] = []
-    run("trunk", duration=0.05, recorded=kept.append)
-    arrays = kept[0].arrays()
-    assert arrays["cable_points"].tolist() == [11, 6] * 4
-    assert arrays["cables"].shape == (5, 68, 3)
-    made = film_of(arrays, np.arange(5))
-    cables = [body for body in made.bodies if body.name.startswith("cable")]
-    assert len(cables) == 8
-    first = arrays["cables"][:, :11]
-    middle = cables[0].positions[:, :3].mean(axis=1)
-    np.testing.assert_allclose(middle, first[:, 0], atol=1e-9)
-    assert "effector" not in [piece.name for piece in made.pieces]
-    with raises_naming(FilmError, "cable_points", "68"):
-        film_of({**arrays, "cable_points": np.array([11, 6])})
 
 
 def test_servos_and_arms_are_where_the_page_has_them() -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
-from tripod_view.cable import TAUT_COLOUR, Route, radius, tube
+from tripod_view.cable import TAUT_COLOUR, radius, tube, tube_triangles
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import Shape, ball, box, disc, joined
@@ -75,14 +75,14 @@ SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "rigid": (STEPS, None, 7), "triangles": (None, 3), "bodies": (None,), "arms": (None, 13),
     "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
     "maze_goal": (4,), "event_times": (None,), "actuator_positions": (STEPS, None), "actuator_efforts": (STEPS, None),
-    "cable_points": (None,), "cable_nodes": (None, None), "cable_weights": (None, None), "cable_fixed": (None, 3),
+    "cables": (STEPS, None, 3), "cable_points": (None,),
 }  # fmt: skip
 """Shapes of the arrays of numbers; None: any length."""
 
 MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name != "time")
 """Arrays that have a row for each time."""
 
-WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points", "cable_nodes")
+WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points")
 """Arrays of whole numbers."""
 
 
@@ -119,7 +119,7 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
         description=str(scene.get("description", "")),
         source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * dt:.4g} ms; no robot was moved.",
         times=times,
-        bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, steps)),
+        bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, shown, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
@@ -150,6 +150,13 @@ def _check_arrays(arrays: Arrays) -> None:
         raise FilmError(f"triangles: number {bad[0]} names nodes outside 0 to {nodes - 1}")
     if (bodies < 0).any() or bodies.sum() > nodes:
         raise FilmError(f"bodies: they have {bodies.tolist()[:8]} nodes; there are {nodes}")
+    if "cables" in arrays:
+        counts = arrays.get("cable_points", np.zeros(0, int))
+        named = len(arrays.get("cable_names", ())) == len(counts)
+        if not named or (counts < 2).any() or counts.sum() != arrays["cables"].shape[1]:
+            raise FilmError(
+                f"cable_points: a film needs at least 2 of each of cable_names, {arrays['cables'].shape[1]} in all"
+            )
     texts = arrays.get("event_texts", np.zeros(0))
     if len(np.shape(texts)) != 1 or len(texts) != len(arrays.get("event_times", ())):
         raise FilmError("event_texts: a film needs one for each of event_times")
@@ -209,36 +216,18 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     return found
 
 
-def _cables(arrays: Arrays, steps: NDArray[np.int64]) -> list[Deforming]:
+def _cables(arrays: Arrays, shown: FloatArray, steps: NDArray[np.int64]) -> list[Deforming]:
     """Return cables as tubes, thin where slack."""
-    if "cable_names" not in arrays:
+    if "cables" not in arrays:
         return []
-    nodes = np.asarray(arrays["positions"], float)[steps]
-    extent = float(np.ptp(nodes[0], axis=0).max())
-    found, ends = list[Deforming](), np.cumsum(arrays["cable_points"])
-    if not len(ends) or ends[-1] != len(arrays["cable_fixed"]) or len(ends) != len(arrays["cable_names"]):
-        raise FilmError(
-            "cable_points: they must sum up to the rows of cable_fixed, one for each of cable_names"
-        )
-    forces = {
-        name: force
-        for name, unit, values, back in _actuators(arrays)
-        for force in (values if unit == "N" else back,)
-    }
-    for name, end, count in zip(arrays["cable_names"].tolist(), ends, arrays["cable_points"], strict=True):
-        own = slice(end - count, end)
-        try:
-            route = Route(name, *(arrays[f"cable_{part}"][own] for part in ("nodes", "weights", "fixed")))
-        except ValueError as error:
-            raise FilmError(f"cable_nodes: {error}") from None
-        if not route.fits(nodes.shape[1]):
-            raise FilmError(f"cable_nodes: a film needs nodes 0 to {nodes.shape[1] - 1}")
+    extent = float(np.ptp(shown[0], axis=0).max())
+    forces = {name: values if unit == "N" else back for name, unit, values, back in _actuators(arrays)}
+    ends = np.cumsum([0, *np.asarray(arrays["cable_points"]).tolist()]).tolist()
+    found = []
+    for name, (low, high) in zip(arrays["cable_names"].tolist(), pairwise(ends), strict=True):
         radii = radius(extent, forces[name][steps] if name in forces else np.ones(len(steps)))
-        found.append(
-            Deforming(
-                f"cable {name}", route.triangles, tube(route.points(nodes), radii), TAUT_COLOUR, through=True
-            )
-        )
+        nodes = tube(arrays["cables"][steps, low:high], radii)
+        found.append(Deforming(f"cable {name}", tube_triangles(high - low), nodes, TAUT_COLOUR, through=True))
     return found
 
 
