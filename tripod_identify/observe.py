@@ -67,8 +67,9 @@ def sources_of(scene: Scene, points: Sequence[Point]) -> tuple[str, ...]:
     disc = EFFECTOR if has_disc(scene) else ()
     for point in points:
         if point.set == DISC and not disc:
+            why = "is no disc" if effector_of(scene) else "is missing"
             raise DataError(
-                f"--point {point.name}={DISC}: the effector of scene {scene.name!r} is no disc; name a set of the scene"
+                f"--point {point.name}={DISC}: the effector of scene {scene.name!r} {why}; name a set of the scene"
             )
     return (*disc, *(marker.set for marker in scene.marker), *(p.name for p in points))
 

@@ -398,7 +398,7 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (["nonsense"], ("study 'nonsense'", "cloth, drape")),
+        (["nonsense"], ("study 'nonsense'", "cloth, diamond")),
         ([], ("scene", "--all")),
         (["pendulum", "--all"], ("scene", "--all")),
         (["cloth", "--part", "report"], ("no report", "'cloth'", "pendulum, drape")),

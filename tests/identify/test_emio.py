@@ -52,7 +52,7 @@ def test_a_point_on_the_platform_moves_as_one_in_its_frame() -> None:
     assert seen == pytest.approx(same, abs=1e-12)
     centre = predict(plainly(scene), poses(2, name="effector"), ())
     assert np.linalg.norm(seen - centre, axis=1) == pytest.approx(0.027, abs=1e-12)
-    with raises_naming(DataError, "--point tracker=effector", "'silicone'", "no effector"):
+    with raises_naming(DataError, "--point tracker=effector", "'silicone'", "missing"):
         sources_of(load_scene("silicone"), (point,))
 
 

@@ -29,9 +29,4 @@ listen("kinds", (kinds) => { // of servos and of other joints each
   document.body.classList.toggle("has-servos", kinds.some((kind) => kind.servo));
   document.body.classList.toggle("has-others", kinds.some((kind) => !kind.servo));
 });
-let silent = 0; // a pause that ends soon is not told
-listen("connected", (connected) => {
-  clearTimeout(silent);
-  if (connected) document.body.classList.remove("lost");
-  else silent = setTimeout(() => document.body.classList.add("lost"), 1500);
-});
+listen("connected", (connected) => document.body.classList.toggle("lost", !connected));
