@@ -144,8 +144,8 @@ class FramedSession(Session):
                 self.message = f"no acknowledgement for {SILENCE:g} s; check cable and power"
             elif now >= self._said_at + (HELLO_PERIOD if self._unanswered else IDLE_PERIOD):
                 self._streaming = False
-                more = self._frames([GetChannels()], now) if self._calibration.channels else b""
-                return self._hello(now) + more
+                hello = self._hello(now)  # numbered before what follows it
+                return hello + (self._frames([GetChannels()], now) if self._calibration.channels else b"")
         return b""
 
     def content(self, values: Sequence[float]) -> Content:

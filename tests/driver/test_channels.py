@@ -1,5 +1,6 @@
 """Cables and chambers: the whole driver without ROS, a board in memory, and a clock."""
 
+import random
 from itertools import pairwise
 
 import pytest
@@ -91,6 +92,19 @@ def test_lengths_and_pressures_reach_the_channels_at_a_limited_rate(robot: Robot
     for before, after in pairwise(robot.sent):
         assert abs(after[0] - before[0]) <= 0.03 * 0.02 + STEP
         assert abs(after[1] - before[1]) <= 20e3 * 0.02 + COUNT
+
+
+def test_no_frame_counts_as_lost_on_a_good_line_however_late_the_computer_is() -> None:
+    robot, late = Robot(), random.Random(0)
+    for k in range(600):
+        robot.clock.now += late.choice([0.002, 0.02, 0.05, 0.12, 0.25])
+        if k > 300:
+            robot.mode().goto(0.01, 5e3)
+        robot.driver.tick(robot.clock.now)
+    session = robot.link.session
+    assert robot.link.state is LinkState.READY
+    assert session.diagnostics["frames lost on the line"] == 0
+    assert session.odd == ""
 
 
 def test_a_robot_without_servos_is_driven_by_any_board_with_its_channels() -> None:
