@@ -1,5 +1,6 @@
 """A controller of your own: a node that lets the servos wave. Start `tripod up` first, this in a second terminal."""
 
+import sys
 from contextlib import suppress
 from math import pi, sin
 
@@ -12,6 +13,9 @@ from tripod_graph import names
 from tripod_graph.loopback import keep_local
 from tripod_graph.qos import LATCHED, RELIABLE
 
+if "--help" in sys.argv or "-h" in sys.argv:
+    print(__doc__)
+    sys.exit()
 keep_local()  # nothing leaves this machine
 rclpy.init()
 node = rclpy.create_node("wave")

@@ -15,15 +15,17 @@ from tripod_graph import names
 from tripod_graph.loopback import keep_local
 from tripod_graph.qos import LATCHED, RELIABLE
 
+if "--help" in sys.argv or "-h" in sys.argv:
+    print(__doc__)
+    sys.exit()
 x, y, z = map(float, sys.argv[1:4] if len(sys.argv) > 3 else ("0.001", "0", "0"))
 keep_local()  # nothing leaves this machine
 rclpy.init()
 node = rclpy.create_node("target")
 modes = node.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
 targets = node.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
-decision = ControlMode(
-    mode=ControlMode.IK, source="target"
-)  # of STOP 0, TELEOP 1, IK 2, REPLAY 3; holds for 1 s
+# The mode is one of STOP 0, TELEOP 1, IK 2, REPLAY 3; a decision holds for 1 s.
+decision = ControlMode(mode=ControlMode.IK, source="target")
 decision.header.stamp = node.get_clock().now().to_msg()
 target = PoseStamped()
 target.header.frame_id = "world"

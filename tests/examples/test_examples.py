@@ -166,3 +166,11 @@ def test_the_measured_poses_are_off_by_what_their_first_line_says() -> None:
     assert zero.tolist() == [0.03, -0.02, 0.05]
     assert known == pytest.approx(2e-4, rel=0.3)
     assert plain > 2.5 * known
+
+
+@pytest.mark.parametrize("name", ["controller", "target"])
+def test_a_node_asked_for_help_moves_nothing(name: str) -> None:
+    words = [sys.executable, str(EXAMPLES / f"{name}.py"), "--help"]
+    told = subprocess.run(words, check=True, capture_output=True, text=True, timeout=300, cwd=ROOT)
+    assert_names(told.stdout, "tripod up")
+    assert "Ctrl-C" not in told.stdout
