@@ -1,4 +1,4 @@
-"""What a board tells of its channels, winches and pressures: what they are, where they are, what holds them."""
+"""State of a board's channels (winches, pressures): kind, set-point, and which ones the board holds."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -37,7 +37,7 @@ class Channels:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was told: another conversation begins."""
+        """Clear all states; call it when a conversation starts."""
         self._described = 0
         self.states: tuple[ChannelState, ...] = ()
         self._slew: list[int] = []

@@ -85,7 +85,7 @@ class IkNode(Node):
         self._targets = target_box(values, self._scene)
         self._planner_thread = PlannerThread(self._build_planner)
         self._tracker = Tracker(tracker_settings(values), model_error(values), self._planner_thread, SMOOTH)
-        joints = joints_of(self._scene)  # until the driver or a compliance tells of others
+        joints = joints_of(self._scene)  # replaced by those of the driver or of a compliance message
         self._servos = len(joints.arms) if joints else len(names.SERVOS)
         self._actuators = joints.actuators if joints and joints.others else ()
         self._range_time: float = values["range_time"]

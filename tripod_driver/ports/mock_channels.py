@@ -45,7 +45,7 @@ class MockChannel:
 
     @property
     def state(self) -> ChannelState:
-        """What is told."""
+        """The state that the board reports."""
         return ChannelState(self.flags, self.setpoint, self.measured)
 
     def home(self) -> None:
