@@ -31,7 +31,7 @@ TWICE = {"--port": ("driver", "port"), "--view-port": ("view", "port"), "--recor
 """Options that say the same as a parameter of a node."""
 
 CHANNEL_UNITS = ("m", "Pa")
-"""Of the joints beside servos that a board drives: winches and pressures."""
+"""Of the joints beside servos that a board drives: winches, which pull cables, and pressures."""
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -326,9 +326,9 @@ def why_undriven(others: "Sequence[Actuator]") -> str:
     """Return why no driver starts for a robot with these joints beside servos; empty if one does."""
     from tripod_driver.framed_messages import CHANNELS_MAX  # noqa: PLC0415 - pure and small
 
-    if strange := [a for a in others if a.unit not in CHANNEL_UNITS]:
+    if strange := [a for a in others if a.unit not in CHANNEL_UNITS or (a.unit == "m" and not a.pulls)]:
         named = ", ".join(f"{a.name} [{a.unit}]" for a in strange)
-        return f"simulated only, without a driver: a board drives angles, lengths [m] and pressures [Pa], not {named}"
+        return f"simulated only, without a driver: a board drives angles, cables by length and pressures, not {named}"
     if len(others) > CHANNELS_MAX:
         return f"simulated only, without a driver: a board has at most {CHANNELS_MAX} channels, not {len(others)}"
     return ""

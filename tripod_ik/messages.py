@@ -36,7 +36,7 @@ def linear_state(message: Any) -> LinearState:
             if len(getattr(message, name)) != size:
                 found = len(getattr(message, name))
                 raise IkError(f"compliance has {found} entries of {name}; {n} joints give {size}")
-        fields = (joints, message.units, message.lower, message.upper, message.effort_max)
+        fields = (joints, message.units, message.lower, message.upper, message.effort_max, message.pulls)
         return LinearState.of_actuators(
             actuators_of(*(tuple(field) for field in fields)), commands=message.angles, efforts=message.efforts,
             effector=(p.x, p.y, p.z), rotation=(q.x, q.y, q.z, q.w),  # type: ignore[arg-type]
@@ -63,10 +63,13 @@ def actuators_of(
     lower: tuple[float, ...],
     upper: tuple[float, ...],
     effort_max: tuple[float, ...],
+    pulls: tuple[bool, ...],
 ) -> tuple[Actuator, ...]:
     """Return the joints of a compliance, shape (n,) each; raise IkError where their fields do not fit together."""
-    if not len(joints) == len(units) == len(lower) == len(upper) == len(effort_max):
-        raise IkError(f"compliance of {len(joints)} joints needs as many units, lower, upper and effort_max")
+    if not len(joints) == len(units) == len(lower) == len(upper) == len(effort_max) == len(pulls):
+        raise IkError(
+            f"compliance of {len(joints)} joints needs as many units, lower, upper, effort_max and pulls"
+        )
     known = {**POSITION_UNITS, **EFFORT_UNITS}
     for name, unit, low, high, most in zip(joints, units, lower, upper, effort_max, strict=True):
         if unit not in known:
@@ -76,8 +79,12 @@ def actuators_of(
                 f"compliance: {name} has the range {low:g} to {high:g} {unit}, effort up to {most:g}"
             )
     return tuple(
-        Actuator(name, unit, low, high, low, unit in EFFORT_UNITS, most if most < np.inf else None)
-        for name, unit, low, high, most in zip(joints, units, lower, upper, effort_max, strict=True)
+        Actuator(
+            name, unit, low, high, low, unit in EFFORT_UNITS, most if most < np.inf else None, bool(pull)
+        )
+        for name, unit, low, high, most, pull in zip(
+            joints, units, lower, upper, effort_max, pulls, strict=True
+        )
     )
 
 

@@ -243,7 +243,7 @@ class IkNode(Node):
 
     def _sizes(self) -> tuple[int, int]:
         """Return the number of joints, and of cables among them whose length is commanded."""
-        return len(self._actuators) or self._servos, sum(a.unit == "m" for a in self._actuators)
+        return len(self._actuators) or self._servos, sum(a.pulls for a in self._actuators)
 
     def _own_limits(self) -> CommandLimits:
         """Return the limits of this node."""

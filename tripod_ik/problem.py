@@ -217,7 +217,7 @@ def taut(state: LinearState, before: FloatArray) -> FloatArray:
     """Return commands with slack cables just taut, where the state has them: the pose is the same."""
     if not state.held:
         return before
-    slack = np.array([not a.is_effort and a.unit == "m" for a in state.actuators]) & (state.efforts <= 0)
+    slack = np.array([a.pulls for a in state.actuators]) & (state.efforts <= 0)
     return np.where(slack, np.maximum(before, state.angles), before)
 
 

@@ -174,7 +174,7 @@ def effort_limits(actuators: Sequence["Actuator"], torque_max: float) -> FloatAr
 
 def tension_limits(state: LinearState) -> tuple[TensionLimit, ...]:
     """Return the limit that the cables of a robot need, if it has any that are commanded by length."""
-    cables = tuple(i for i, a in enumerate(state.actuators) if a.unit == "m")
+    cables = tuple(i for i, a in enumerate(state.actuators) if a.pulls)
     return (TensionLimit(cables),) if cables else ()
 
 

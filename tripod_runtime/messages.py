@@ -123,6 +123,7 @@ def _actuator_fields(c: Linearised, joints: Joints | None) -> dict[str, Any]:
     return {
         "units": [a.unit for a in joints.actuators], "lower": flat(joints.low), "upper": flat(joints.high),
         "effort_max": [np.inf if a.effort_max is None else a.effort_max for a in joints.actuators],
+        "pulls": [a.pulls for a in joints.actuators],
         "jacobian": flat(c.jacobian), "stiffness": flat(c.stiffness),
     }  # fmt: skip
 

@@ -321,6 +321,9 @@ def test_what_no_board_drives_runs_without_a_driver() -> None:
     assert "channels" not in values["driver"]
     pulled = Actuator("tendon", "N", 0.0, 5.0, 0.0, is_effort=True)
     assert_names(up_command.why_undriven([pulled]), "tendon [N]")
+    assert_names(up_command.why_undriven([Actuator("jaw", "m", 0.0, 1.0, 0.0)]), "jaw [m]")
     assert_names(
-        up_command.why_undriven([Actuator(f"c{i}", "m", 0.0, 1.0, 0.0) for i in range(8)]), "7 channels", "8"
+        up_command.why_undriven([Actuator(f"c{i}", "m", 0.0, 1.0, 0.0, pulls=True) for i in range(8)]),
+        "7 channels",
+        "8",
     )

@@ -100,6 +100,18 @@ def test_a_cable_is_not_asked_to_push() -> None:
     assert found["torques"] == pytest.approx([0.0], abs=1e-6)
 
 
+def test_a_drive_by_displacement_pushes_and_pulls() -> None:
+    jaw = 'force=[{name="jaw", set="tip", direction=[0,0,1], command="displacement", range=[-0.03, 0.03]}]'
+    scene = load_scene(FINGER, [*STILL, TIP, "gravity=off", "cable=[]", jaw])
+    for place in (-0.012, 0.012):
+        model = StaticModel(scene)
+        goal = model.move(np.array([place]) / model.spans).equilibrium
+        found = solve_once(scene, goal.tolist(), slide=0.0, tolerance=MET)
+        assert found["reached"] and found["angles"] == pytest.approx([place], abs=1e-7)
+        assert np.sign(found["torques"]) == np.sign(place) and abs(found["torques"][0]) > 0.01
+        assert (found["names"], found["units"]) == (["jaw"], ["m"])
+
+
 def test_tension_keeps_to_its_limit() -> None:
     scene = load_scene(FINGER, [*STILL, TIP, "gravity=off", "cable.0.tension_max=2.0"])
     model = StaticModel(replace(scene))

@@ -49,6 +49,7 @@ VIA = (
 BY_LENGTH = f'cable=[{{name="tendon", via={VIA}, range=[0.0, 0.03]}}]'
 BY_TENSION = f'cable=[{{name="tendon", via={VIA}, command="tension", range=[0.0, 20.0]}}]'
 PUSH = 'force=[{name="push", set="tip", direction=[0, 0, 2.0], range=[-0.5, 0.5]}]'
+JAW = PUSH.replace("push", "jaw").replace("-0.5, 0.5]", '-0.02, 0.02], command="displacement"')
 AIR = 'chamber=[{name="air", range=[0.0, 30e3]}]'
 
 

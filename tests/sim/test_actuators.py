@@ -7,7 +7,7 @@ import pytest
 
 from tests.messages import assert_names, raises_naming
 from tests.scenes import SHARP
-from tests.sim.actuator_scenes import AIR, BY_LENGTH, BY_TENSION, PUSH, VIA, beam, finger
+from tests.sim.actuator_scenes import AIR, BY_LENGTH, BY_TENSION, JAW, PUSH, VIA, beam, finger
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.scene.script import script_of
 from tripod_study.run import run
@@ -19,6 +19,7 @@ ENDS = {
     "cable": (BY_LENGTH, 0.01),
     "tension": (BY_TENSION, 3.0),
     "force": (PUSH, 0.2),
+    "displacement": (JAW, 0.008),
     "chamber": (AIR, 5e3),
     "liquid": (LIQUID, 2e-7),
 }
@@ -113,6 +114,20 @@ def test_a_chamber_by_volume_and_one_by_its_pressure_hold_the_same_pose(tmp_path
     empty = made(tmp_path, "chamber").joint_work()[0][0]
     (volume, _), _ = by_pressure.joint_work()
     assert volume - empty == pytest.approx(2e-7 - empty * pressure / 1e8, rel=1e-8)  # less the compression
+
+
+def test_a_displacement_moves_its_set_and_no_more(tmp_path: Path) -> None:
+    words = ("force.0.direction=[0, 3.0, 4.0]", "force.0.force_max=0.03", "solver.tolerance=1e-9")
+    simulation = led(made(tmp_path, "displacement", *words), 0.008)
+    x = simulation.mesh.nodes[:, 0]
+    moved = (simulation.positions - simulation.mesh.nodes)[x > x.max() - 1e-9]
+    force = float(simulation.efforts[0])
+    assert force > 0.03
+    assert moved @ [0.0, 0.6, 0.8] == pytest.approx(0.008, abs=2e-6)
+    assert np.ptp(moved[:, 0]) > 1e-4  # across, nothing holds it
+    (where,), (told,) = (part[:1] for part in simulation.joint_work())
+    assert (where, told) == (0.008, force)
+    assert_names(next(note for note in simulation.notes if "jaw" in note), "force.0", "force_max", "0.03 N")
 
 
 def test_a_liquid_below_vacuum_is_told_once(tmp_path: Path) -> None:
@@ -223,6 +238,8 @@ def test_a_tension_above_what_is_allowed_is_told_once(tmp_path: Path) -> None:
             ("cable.0.via", "points"),
         ),
         ([PUSH, "force.0.direction=[0, 0, 0]"], ("force.0.direction", "zero")),
+        ([JAW, "force.0.command=way"], ("force.0.command", "force, displacement")),
+        ([JAW, "force.0.start=0.1"], ("force.0.start", "0.1 m", "-0.02 to 0.02 m")),
         ([AIR, "chamber.0.cap=true"], ("chamber.0.cap", "chamber.0.set")),
         ([LIQUID, "chamber.0.command=mass"], ("chamber.0.command", "pressure, volume")),
         ([AIR, "chamber.0.range=[-2e5, 0.0]"], ("chamber.0.range", "-101325 Pa")),
@@ -248,6 +265,7 @@ def test_a_wrong_description_is_refused(tmp_path: Path, words: list[str], named:
         ),
         ([AIR, "chamber.0.set=tip"], ("chamber.0.set", "'tip'", "do not enclose", "cap")),
         ([PUSH, "force.0.set=toe"], ("force.0.set", "'toe'")),
+        ([JAW, "inertia.scheme=semi_implicit_euler", "damping=off"], ("inertia.scheme", "force")),
         ([BY_LENGTH, "inertia.scheme=semi_implicit_euler", "damping=off"], ("inertia.scheme", "cable")),
     ],
 )

@@ -1,5 +1,7 @@
 """Effect: cables that are pulled."""
 
+import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,6 +65,7 @@ def _points(field: str, via: Via, draft: Draft) -> "Embedding":
 
 def act(tables: tuple[Cable, ...], draft: Draft) -> None:
     """Add the cables, and what warns of their tensions."""
+    from tripod_sim.forces.actuator import EffortWatch
     from tripod_sim.forces.cable import Cable as CableTerm
 
     for i, (table, points) in enumerate(zip(tables, draft.prepared["cable"], strict=True)):
@@ -72,7 +75,11 @@ def act(tables: tuple[Cable, ...], draft: Draft) -> None:
         _check_rigid(field, term, draft)
         draft.add_actuator(term, table.actuator)
         if table.tension_max:
-            draft.watches.append(_Watch(field, table, term))
+            draft.watches.append(EffortWatch(
+                partial(getattr, term, "tension"), -math.inf, table.tension_max,
+                f"{field}: the tension of {table.name} is {{:.3g}} N, above tension_max, {table.tension_max:g} N: pull "
+                "less, or allow more",
+            ))  # fmt: skip
 
 
 def _check_rigid(field: str, term: "CableTerm", draft: Draft) -> None:
@@ -82,24 +89,6 @@ def _check_rigid(field: str, term: "CableTerm", draft: Draft) -> None:
         raise SceneError(
             f"{field}.via has points in {len(rigid)} rigid bodies (discs, platforms); a cable can pass one: move the "
             "points of the others off their nodes"
-        )
-
-
-class _Watch:
-    """Tells once when a cable bears more than it may."""
-
-    def __init__(self, field: str, table: Cable, term: "CableTerm") -> None:
-        self._field, self._table, self._term = field, table, term
-
-    def __call__(self, positions: object) -> str:
-        """Return the note, empty as long as there is none."""
-        most = self._table.tension_max
-        assert most
-        if self._term.tension <= most:
-            return ""
-        return (
-            f"{self._field}: the tension of {self._table.name} is {self._term.tension:.3g} N, above tension_max, "
-            f"{most:g} N: pull less, or allow more"
         )
 
 

@@ -1,13 +1,11 @@
 """Effect: chambers under a commanded pressure or of a commanded volume."""
 
-from typing import TYPE_CHECKING
+import math
+from functools import partial
 
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.actuators import VACUUM, Chamber, check_actuators
-
-if TYPE_CHECKING:
-    from tripod_sim.forces.chamber import Chamber as ChamberTerm
 
 
 def check(tables: tuple[Chamber, ...], scene: Described) -> None:
@@ -27,6 +25,7 @@ def check(tables: tuple[Chamber, ...], scene: Described) -> None:
 
 def act(tables: tuple[Chamber, ...], draft: Draft) -> None:
     """Add the pressures. Raises SceneError where a chamber is not closed."""
+    from tripod_sim.forces.actuator import EffortWatch
     from tripod_sim.forces.chamber import Chamber as ChamberTerm
     from tripod_sim.mesh.cavity import cavity_faces, faces_of_set
 
@@ -50,23 +49,11 @@ def act(tables: tuple[Chamber, ...], draft: Draft) -> None:
             )
         draft.add_actuator(term, table.actuator)
         if bulk:
-            draft.watches.append(_Watch(field, table.name, term))
-
-
-class _Watch:
-    """Tells once when a liquid is below vacuum."""
-
-    def __init__(self, field: str, name: str, term: "ChamberTerm") -> None:
-        self._field, self._name, self._term = field, name, term
-
-    def __call__(self, positions: object) -> str:
-        """Return the note, empty as long as there is none."""
-        if self._term.pressure >= VACUUM:
-            return ""
-        return (
-            f"{self._field}: the pressure in {self._name} is {self._term.pressure:.3g} Pa, below vacuum, "
-            f"{VACUUM:g} Pa, where a liquid boils: pump less out"
-        )
+            draft.watches.append(EffortWatch(
+                partial(getattr, term, "pressure"), VACUUM, math.inf,
+                f"{field}: the pressure in {table.name} is {{:.3g}} Pa, below vacuum, {VACUUM:g} Pa, where a liquid "
+                "boils: pump less out",
+            ))  # fmt: skip
 
 
 EFFECT = Effect(

@@ -6,6 +6,7 @@ pulled length the tension [N], of a pressure less the volume [m³].
 """
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from tripod_host.arrays import FloatArray
@@ -50,3 +51,16 @@ class ActuatorTerm(BlockTerm):
     def runaway(self) -> str:
         """Return in words why the last `add_gradient` may have been far from any equilibrium; empty if it was not."""
         return ""
+
+
+class EffortWatch:
+    """Says when what an actuator bears is beyond its limits."""
+
+    def __init__(self, measured: Callable[[], float], low: float, high: float, said: str) -> None:
+        """`measured`: what it bears; `low`, `high`: the limits; `said`: the note, a format for what was measured."""
+        self._measured, self._low, self._high, self._said = measured, low, high, said
+
+    def __call__(self, positions: FloatArray) -> str:
+        """Return the note, empty as long as there is none."""
+        value = self._measured()
+        return "" if self._low <= value <= self._high else self._said.format(value)

@@ -68,7 +68,7 @@ class Cable:
         by_tension = self.command == "tension"
         return Actuator(
             self.name, "N" if by_tension else "m", *self.range, self.start, by_tension,
-            None if by_tension else self.tension_max,
+            None if by_tension else self.tension_max, pulls=not by_tension,
         )  # fmt: skip
 
 
@@ -109,28 +109,36 @@ class Chamber:
 
 @dataclass(frozen=True)
 class Force:
-    """A force that is commanded, on a set along a fixed direction.
+    """A force on a set along a fixed direction, or a displacement of the set along it, that is commanded.
 
     Attributes:
         name: Of the joint.
         set: Name of the set.
-        direction: Of a positive force, of any length.
-        range: Smallest and largest force, of all nodes together [N].
-        start: At the start [N].
-        share: How it is divided: `area` or `even`, as of a load.
+        direction: Of a positive command, of any length; across it the set is free.
+        range: Smallest and largest command: force of all nodes together [N], or displacement [m].
+        command: What is commanded: `force` or `displacement`.
+        start: At the start [N, m].
+        share: How force and stiffness are divided: `area` or `even`, as of a load.
+        stiffness: Of the drive: force over how far the set lags behind [N/m]; without effect by force.
+        force_max: Force of a displacement from which on a run warns [N]; None: none.
     """
 
     name: str
     set: str
     direction: Vector = number()
-    range: tuple[float, float] = number(unit="N", low=-1e9, high=1e9)
-    start: float = number(0.0, unit="N", low=-1e9, high=1e9)
+    range: tuple[float, float] = number(low=-1e9, high=1e9)
+    command: str = one_of("force", "displacement", default="force")
+    start: float = number(0.0, low=-1e9, high=1e9)
     share: str = one_of("area", "even", default="area")
+    stiffness: float = number(1e6, unit="N/m", above=0, high=1e9)
+    force_max: float | None = number(None, unit="N", above=0, high=1e9)
 
     @property
     def actuator(self) -> Actuator:
         """Return the joint."""
-        return Actuator(self.name, "N", *self.range, self.start, is_effort=True)
+        by_force = self.command == "force"
+        most = None if by_force else self.force_max
+        return Actuator(self.name, "N" if by_force else "m", *self.range, self.start, by_force, most)
 
 
 KINDS = ("cable", "chamber", "force")

@@ -73,6 +73,7 @@ class Actuator:
         low, high, start: Of the command: smallest, largest, and at the start.
         is_effort: Whether a force, a pressure or a tension is commanded, not a position.
         effort_max: Largest effort that it may bear where a position is commanded [N m, N]; None: none is given.
+        pulls: Whether it only pulls where a position is commanded: a cable, which goes slack.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Actuator:
     start: float
     is_effort: bool = False
     effort_max: float | None = None
+    pulls: bool = False
 
     @property
     def span(self) -> float:
@@ -91,12 +93,14 @@ class Actuator:
     @property
     def quantity(self) -> str:
         """What is commanded, in a word."""
-        return {"rad": "angle", "m": "length", "N": "force", "Pa": "pressure", "m³": "volume"}[self.unit]
+        if self.unit == "m":
+            return "length" if self.pulls else "displacement"
+        return {"rad": "angle", "N": "force", "Pa": "pressure", "m³": "volume"}[self.unit]
 
     @property
     def effort_quantity(self) -> str:
         """What it does where a position is commanded, in a word."""
-        return {"rad": "torque", "m": "tension"}.get(self.unit, "")
+        return {"rad": "torque", "m": "tension" if self.pulls else "force"}.get(self.unit, "")
 
     @property
     def position_unit(self) -> str:
