@@ -245,7 +245,7 @@ def _too_large(error: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     least = max(result["displacement"]["largest"], 1e-3 * SMALL)
     if error["node"] < 0 or not error["largest"] > least:
         return ""
-    return ", which is more than the whole motion: the end of this run is not reliable, take a smaller dt"
+    return ", which is more than the whole motion: dt is too large, or the estimate fails here; compare with half of dt"
 
 
 def _millijoules(value: float) -> str:

@@ -140,4 +140,4 @@ def test_an_estimated_error_beyond_the_motion_says_so(largest: float, *, warned:
     measured = {"error": {"measured": 0.13}, "quantity": "ends of the strips"}
     text = run_summary._error(result | {"figures": measured}, own_motion=False)
     assert_names(text, "13 %", "ends of the strips", "node 3", f"{1e3 * largest:.2g} mm")
-    assert names(text, "not reliable", "smaller dt") == warned
+    assert names(text, "estimate fails", "half of dt") == warned
