@@ -229,8 +229,8 @@ class SimNode(Node):
 
     @property
     def speeds(self) -> list[float]:
-        """Slew rates of its servos [rad/s]."""
-        return [float(speed) for speed in self._limits.speed[: self._limits.count]]
+        """Slew rates of its joints without the slide [rad/s, m/s, N/s, Pa/s]."""
+        return [float(speed) for speed in self._limits.speed[:-1]]
 
     def leave(self) -> None:
         """Tell whose goal is followed that it ends."""
