@@ -1,6 +1,7 @@
 """Cables, chambers and forces in the node graph: commands, refusals, joint states and status."""
 
 import json
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,26 @@ def test_lengths_are_positions_and_forces_are_efforts(make, tmp_path) -> None:
     assert labels.split()[-3:] == ["tendon", "push", "slide"]
     assert graph.call(names.SIM_RESET, Trigger.Request()).success
     assert state(graph)["push"][1] == 0.0
+
+
+def test_every_link_of_the_description_is_on_tf(make, tmp_path) -> None:
+    words = 'effector={set="tip"}'
+    graph = make(scene=finger(tmp_path), set=f"'{MIXED};{words}'", timeout=60.0, range_time=0.1).start()
+    graph.listen(names.TF)
+    graph.choose(ControlMode.TELEOP)
+    send(graph, ["tendon", "push"], [0.004, 0.0], [0.0, 0.1])
+    moved = graph.next(
+        names.TF, lambda m: any(t.transform.translation.x == pytest.approx(0.004) for t in m.transforms)
+    )
+    for topic in (names.TF_STATIC, names.ROBOT_DESCRIPTION):
+        graph.wait(lambda t=topic: graph.heard[t], f"a message on {topic}")
+    described = ET.fromstring(graph.heard[names.ROBOT_DESCRIPTION][0].data)
+    frames = {t.child_frame_id for t in [*moved.transforms, *graph.heard[names.TF_STATIC][0].transforms]}
+    assert (
+        frames
+        == {link.get("name") for link in described.iter("link")}
+        == {"base_link", "tendon_end", "effector"}
+    )
 
 
 def test_goals_of_an_action_are_lengths_and_forces(make, tmp_path) -> None:
