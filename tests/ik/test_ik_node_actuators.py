@@ -214,6 +214,14 @@ def test_an_orientation_of_a_set_is_refused_with_the_reason(robot):
     assert not robot.sim.commands
 
 
+@pytest.mark.parametrize("robot", ["cables"], indirect=True)
+def test_no_load_is_told_of_a_robot_of_cables(robot):
+    robot.graph.start(observe_load=True, feedback="pose")
+    robot.sim.say_mode(ControlMode.IK)
+    robot.graph.wait_state(IkStatus.STALE, "observe_load", "servos", "cable_0", "observe_load=false")
+    assert not robot.sim.commands
+
+
 def lack_units(message):
     message.units = []
 
