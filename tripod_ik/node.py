@@ -388,14 +388,13 @@ class IkNode(Node):
         if now - self._received > self._stale_after:
             self._joining.begin()
         robot = self._robot_angles(now)
-        if robot is not None and len(robot) == len(state.angles):
-            robot = taut(state, robot / self._spans)
-        place = self._joining.place(state.angles, robot, now)
-        if place is None:
+        known = robot is not None and len(robot) == len(state.angles)
+        there = taut(state, robot / self._spans) if robot is not None and known else None
+        if self._joining.place(state.angles, there, now) is None or robot is None:
             return False
         self._received = now
         self._tracker.start()
-        self._commands.publish(trajectory(place * self._spans, self._joints, self._source))
+        self._commands.publish(trajectory(robot, self._joints, self._source))  # slack too: the robot stays
         self._rest_again(Activity.STALE, JOINING, now)
         return True
 
