@@ -1,6 +1,5 @@
 """What was lost of a topic between its publishers and the recorder. Pure."""
 
-from collections import Counter
 from dataclasses import dataclass, field
 
 MOST = 64
@@ -24,17 +23,17 @@ class Losses:
     told: int = 0
     reliable: bool = True
     publishers: set[bytes] = field(default_factory=set)
-    _ends: Counter[int] = field(default_factory=Counter)
+    _ends: dict[int, int] = field(default_factory=dict)
     _series: int = 0
 
     def take(self, sequence: int) -> None:
         """Count a message that came; `sequence`: the publisher's number of it, 0 if it has none."""
-        if sequence and self._ends[sequence - 1] > 0:
-            self._ends[sequence - 1] -= 1
-        else:
+        before = self._ends.pop(sequence - 1, 0) if sequence else 0
+        if before > 1:
+            self._ends[sequence - 1] = before - 1
+        if not before:
             self._series += 1
-        self._ends[sequence] += 1
-        self._ends = +self._ends
+        self._ends[sequence] = self._ends.get(sequence, 0) + 1
         if len(self._ends) > MOST:
             del self._ends[next(iter(self._ends))]
 
@@ -48,5 +47,5 @@ class Losses:
     def reason(self) -> str:
         """Why messages of this topic get lost, in words."""
         if self.reliable:
-            return "the publisher threw them away before the recorder, which was too slow, had them"
+            return "the recorder was too slow for what publisher and middleware keep"
         return "best effort: nobody sends again what the recorder was too slow for"
