@@ -20,7 +20,7 @@ from tripod_msgs.msg import ControlMode, SimStatus
 from tests.decisions import SOURCE
 from tests.goals import Goals, goal
 from tests.messages import assert_names
-from tests.sim.actuator_scenes import VIA, finger
+from tests.sim.actuator_scenes import VIA, finger, mixed
 from tripod_graph import names
 
 pytestmark = pytest.mark.ros
@@ -171,3 +171,19 @@ def test_goals_of_an_action_are_lengths_and_forces(make, tmp_path) -> None:
     status, _, why = goals.end(goals.send(asked))
     assert status == GoalStatus.STATUS_ABORTED
     assert_names(why, "path_tolerance", "'servo_0'", "tendon, push")
+
+
+def test_a_goal_moves_a_servo_a_cable_a_chamber_and_a_force(make, tmp_path) -> None:
+    graph = make(scene=mixed(tmp_path), timeout=60.0, range_time=0.2).start()
+    joints = ("push", "air", "tendon", "servo_0")  # in any order
+    goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
+    graph.choose(ControlMode.TELEOP)
+    asked = goal((0.0, 0.0, 0.004, 0.2), seconds=0.3, source=SOURCE, joints=joints)
+    asked.trajectory.points[0].effort = [0.1, 2e3, 0.0, 0.0]
+    assert goals.end(goals.send(asked))[:2] == (GoalStatus.STATUS_SUCCEEDED, 0)
+    now = state(graph)
+    assert list(now) == ["servo_0", "tendon", "air", "push", "slide"]
+    assert now["servo_0"][0] == pytest.approx(0.2, abs=0.011)
+    assert now["tendon"][0] == pytest.approx(0.004, abs=1.1e-4)
+    assert [now[n][1] for n in ("air", "push")] == pytest.approx([2e3, 0.1], rel=0.05)
+    assert now["air"][0] > 1e-7 and now["tendon"][1] > 0.0
