@@ -76,7 +76,8 @@ def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
         file = result.get("study") or "the accuracy study of this scene"
         yours = "; your motion is another one" if own_motion else ""
         of = f": {figures['quantity']}" if figures.get("quantity") else ""
-        words.append(f"about {_digits(100 * measured)} % (measured in {file}{of}{yours})")
+        size = f" of {1e3 * figures['size']:.3g} mm" if figures.get("size") else ""
+        words.append(f"about {_digits(100 * measured)} %{size} (measured in {file}{of}{yours})")
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))
     elif steps:

@@ -177,6 +177,7 @@ def run(
         "figures": {
             "accuracy": accuracy.line,
             "quantity": accuracy.quantity,
+            "size": accuracy.size,
             "finer": finer(accuracy),
             "error": {"measured": accuracy.measured, "bound": accuracy.bound},
             "effects": named(description),
