@@ -79,7 +79,7 @@ class StoredStudy:
         draft: Settings of the point that `--accuracy draft` takes; None: the cheapest that is exact enough for it.
         varied: Fields that it varied.
         studied: Digest of the scene as it was (see `studied.studied`); empty where the study does not say.
-        size: What errors are relative to [m]: how far the quantity goes; None where it is no length or not the only one.
+        size: What errors are relative to [m]: how far the quantity goes; None where it is no length or not alone.
     """
 
     name: str
@@ -185,7 +185,9 @@ def _size(quantity: Any) -> float | None:
     """Return what the errors of a quantity are relative to [m]; None where it is no length, or nothing moves."""
     table = _table(quantity, "quantities.0")
     size = table.get("scale")
-    return _number(size, "quantities.0.scale") or None if table.get("unit") == "m" and size is not None else None
+    return (
+        _number(size, "quantities.0.scale") or None if table.get("unit") == "m" and size is not None else None
+    )
 
 
 def _error(errors: Any, name: str, i: int) -> tuple[float, float]:
