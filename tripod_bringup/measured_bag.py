@@ -15,6 +15,7 @@ from tripod_identify.observe import has_disc
 from tripod_record.bag import Bag
 from tripod_record.table import Series, read_series
 from tripod_sim.scene import Scene
+from tripod_sim.tables.short_forms import joints_of
 
 STILL = 1.0
 """A pose counts as at rest once its commands have stood for so long [s]."""
@@ -59,6 +60,12 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
         raise DataError(
             f"scene {scene.name!r} has no effector that is a disc, but {path} contains its pose; take the scene "
             "of that robot"
+        )
+    every = joints_of(scene)
+    if every and every.others:
+        raise DataError(
+            f"scene {scene.name!r} has {', '.join(a.name for a in every.others)}; of recordings only commands of "
+            "servos are read so far: write commands and measured places into a CSV file"
         )
     count = scene.servos.count if scene.servos else 0
     known = {n.removeprefix("position.") for n in commands.values if n.startswith("position.")}
