@@ -52,6 +52,12 @@ def read_recording(path: Path, scene: Scene, *, poses: bool) -> Measured:
 
 
 def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
+    every = joints_of(scene)
+    if every and every.others:
+        raise DataError(
+            f"scene {scene.name!r} has {', '.join(a.name for a in every.others)}; of recordings only commands of "
+            "servos are read so far: write commands and measured places into a CSV file"
+        )
     wanted = [*COMMANDS, *SEEN]
     series = read_series(bag, lambda topic: any(topic.endswith(f"/{name}") for name in wanted))
     commands = _one(series, COMMANDS, path, "commands")
@@ -60,12 +66,6 @@ def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
         raise DataError(
             f"scene {scene.name!r} has no effector that is a disc, but {path} contains its pose; take the scene "
             "of that robot"
-        )
-    every = joints_of(scene)
-    if every and every.others:
-        raise DataError(
-            f"scene {scene.name!r} has {', '.join(a.name for a in every.others)}; of recordings only commands of "
-            "servos are read so far: write commands and measured places into a CSV file"
         )
     count = scene.servos.count if scene.servos else 0
     known = {n.removeprefix("position.") for n in commands.values if n.startswith("position.")}
