@@ -15,6 +15,7 @@ from tripod_identify.observe import has_disc
 from tripod_record.bag import Bag
 from tripod_record.table import Series, read_series
 from tripod_sim.scene import Scene
+from tripod_sim.tables.short_forms import joints_of
 
 STILL = 1.0
 """A pose counts as at rest once its commands have stood for so long [s]."""
@@ -51,6 +52,12 @@ def read_recording(path: Path, scene: Scene, *, poses: bool) -> Measured:
 
 
 def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
+    every = joints_of(scene)
+    if every and every.others:
+        raise DataError(
+            f"scene {scene.name!r} has {', '.join(a.name for a in every.others)}; of recordings only commands of "
+            "servos are read so far: write commands and measured places into a CSV file"
+        )
     wanted = [*COMMANDS, *SEEN]
     series = read_series(bag, lambda topic: any(topic.endswith(f"/{name}") for name in wanted))
     commands = _one(series, COMMANDS, path, "commands")

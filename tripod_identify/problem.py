@@ -189,6 +189,7 @@ def rest_jacobian(
         others.append((assumed, other, joints, step))
     found = np.empty((*here.values.shape, len(wanted)))
     for k, state in enumerate(here.states):
+        system.command(state.joints)
         if system.assemble(state, project=False) >= 0:
             raise StepError(
                 f"row {k + 1} of the data: an element is unstable at rest; is the pose beyond what the robot "

@@ -43,6 +43,18 @@ set = "tip"
 MOVING = (
     BEAM.replace("[6, 2, 2]", "[4, 1, 1]") + '[inertia]\nscheme = "tr_bdf2"\n[damping]\nstiffness = 5e-3\n'
 )
+PULLED = """
+[[cable]]
+name = "tendon"
+range = [0, 0.02]
+via = [{points = [[0, 0.01, 0.018], [0.05, 0.01, 0.018], [0.1, 0.01, 0.018]]}]
+[[force]]
+name = "push"
+set = "tip"
+direction = [0, 1, 0]
+range = [-0.2, 0.2]
+"""
+"""A cable and a force for `BEAM` and `MOVING`."""
 
 PLACE = tuple(Channel("effector", axis) for axis in range(3))
 POSE = (*PLACE, *(Channel("effector", axis, angle=True) for axis in range(3)))

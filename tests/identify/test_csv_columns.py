@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.identify.robots import beam, tripod
+from tests.identify.robots import BEAM, PULLED, beam, tripod
 from tests.messages import assert_names, raises_naming
 from tripod_identify.csv_columns import Channel, read_header
 from tripod_identify.errors import DataError
-from tripod_identify.measured import read_csv
+from tripod_identify.measured import read_commands, read_csv
 from tripod_identify.observe import parse_point
 from tripod_sim.tables.joints import Actuator
 
@@ -96,6 +96,23 @@ def test_a_wrong_header_is_one_line(header: list[str], count: int, named: tuple[
     with raises_naming(DataError, *named) as error:
         read_header(header, SOURCES, servos(count), {})
     assert "\n" not in str(error.value)
+
+
+def test_commands_of_cables_and_forces_are_read_within_their_ranges(tmp_path: Path) -> None:
+    scene, path = beam(BEAM + PULLED), tmp_path / "d.csv"
+    path.write_text("push_mN,tendon_mm,tip.z_mm\n100,20.00000001,1\n-50,0,2\n")
+    assert read_csv(path, scene, ("tip",), {}).joints(scene).tolist() == [[0.02, 0.1, 0.0], [0.0, -0.05, 0.0]]
+    path.write_text("push_mN,tendon_mm,tip.z_mm\n100,5,1\n100,21,1\n")
+    with raises_naming(DataError, "line 3", "tendon", "0.021 m", "0 to 0.02 m"):
+        read_csv(path, scene, ("tip",), {})
+    path.write_text("tip.z_mm\n1\n")
+    (note,) = read_csv(path, scene, ("tip",), {}).notes
+    assert_names(note, "tendon", "push")
+    path.write_text("push_mN,tendon_cm\n100,1\n")
+    assert read_commands(path, scene).tolist() == [[0.01, 0.1, 0.0]]
+    path.write_text("tip.z_mm\n1\n")
+    with raises_naming(DataError, "tendon_mm", "push_N"):
+        read_commands(path, scene)
 
 
 @pytest.mark.parametrize(

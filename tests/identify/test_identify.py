@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.identify.robots import BEAM, MOVING, POSE, beam, commands, measured, tripod, write_csv
+from tests.identify.robots import BEAM, MOVING, POSE, PULLED, beam, commands, measured, tripod, write_csv
 from tests.messages import assert_names, line_naming, lines_naming, names, raises_naming
 from tripod_identify.csv_columns import Channel
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import Prior, _in_step, _sigma, _Weights, fit, profile
 from tripod_identify.identify import Wanted, _too_far, beginning, held_rows, identify
+from tripod_identify.identify_report import calibration_lines, proposal_lines, scene_text
 from tripod_identify.measured import Measured
 from tripod_identify.model import Told, plainly, predict
 from tripod_identify.observe import Sensor
@@ -96,6 +97,40 @@ def test_exact_data_give_back_the_values_exactly() -> None:
     found = {f.parameter.name: f.value for f in result.found}
     assert found.pop("material.young") == pytest.approx(180e3, rel=1e-3)
     assert found == pytest.approx(TRUTH, abs=1e-5)
+
+
+def test_a_modulus_and_the_slack_of_a_cable_are_found_from_pulls_and_pushes() -> None:
+    """Commands are lengths [m] and forces [N]; the slack of a cable is the zero of its command."""
+    scene = beam(BEAM.replace("[6, 2, 2]", "[4, 1, 1]") + PULLED)
+    true = {"material.young": 260e3, "cable.0.slack": 0.001}
+    rng = np.random.default_rng(3)
+    rows = np.column_stack([rng.uniform(0.003, 0.012, 12), rng.uniform(-0.15, 0.15, 12)])
+    data = measured(robot(scene, true), rows, None, TIP, noise=NOISE)
+    result = identify(scene, data, (), Wanted(tuple(true), mesh=False))
+    for f in result.found:
+        assert f.low < true[f.parameter.name] < f.high
+    assert result.found[0].high / result.found[0].low < 1.1
+    assert all(p.joints.shape == (3,) and p.joints[-1] == 0 for p in result.proposals)
+    assert_names(proposal_lines(result)[0], "tendon", "mm", "push", "N")
+    assert "slack = 0.00" in scene_text(result, "tripod identify")
+    assert calibration_lines(result) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "rows"),
+    [
+        ("finger_cable", [[12e-3, 2e-3], [2e-3, 12e-3], [10e-3, 10e-3], [14e-3, 6e-3], [6e-3, 14e-3]]),
+        ("finger_pneumatic", [[0.0], [4e3], [8e3], [12e3]]),
+    ],
+)
+def test_the_modulus_of_a_finger_is_found(name: str, rows: list[list[float]]) -> None:
+    scene = load_scene(name)
+    truth = 0.85 * scene.material.young
+    data = measured(robot(scene, {"material.young": truth}), np.array(rows), None, TIP, noise=(2e-4, 0.0))
+    (found,) = identify(scene, data, (), Wanted(("material.young",), **QUICK)).found
+    assert found.low < truth < found.high
+    assert found.high / found.low < 1.2
 
 
 def test_wrong_rows_do_not_move_the_modulus() -> None:

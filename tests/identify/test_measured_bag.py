@@ -124,6 +124,7 @@ def test_the_imu_tells_orientations_alone(tmp_path: Path) -> None:
         ),
         ({}, "cross", ("'cross'", "servo_0, servo_1, servo_2, servo_3", "another robot")),
         ({}, "silicone", ("'silicone'", "no effector")),
+        ({}, "finger_cable", ("'finger_cable'", "left, right", "CSV")),
         ({"seen": ()}, "tripod", ("no measured pose", "robot/effector_pose, robot/imu")),
         (
             {"robots": ("/left", "/right")},

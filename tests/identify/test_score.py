@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.identify.robots import MOVING, PLACE, POSE, beam, commands, measured, tripod, write_csv
+from tests.identify.robots import MOVING, PLACE, POSE, PULLED, beam, commands, measured, tripod, write_csv
 from tests.messages import assert_names, raises_naming
 from tripod_host.rotations import rotation_matrix
 from tripod_identify.csv_columns import Channel
@@ -48,6 +48,19 @@ def test_a_motion_is_stepped_and_joined_by_lines() -> None:
     assert np.array_equal(found[[0, 1, 3]], [ways[0], ways[1], ways[4]])
     assert found[2] == pytest.approx(0.5 * (ways[2] + ways[3]), abs=1e-15)
     assert np.abs(found[3] - found[0]).max() > 1e-4, "it falls"
+
+
+def test_lengths_and_forces_of_a_motion_are_followed() -> None:
+    scene = beam(MOVING + PULLED)
+    times = np.linspace(0, 0.02, 3)
+    rows = np.array([[0.0, 0.0], [0.004, 0.05], [0.008, 0.1]])
+    found = predict(plainly(scene), Measured(times, rows, None, TIP, np.zeros((3, 3))), ())
+    simulation = Simulation(scene)
+    for k in range(4):
+        simulation.step([0.002 * (k + 1), 0.025 * (k + 1), 0.0])
+    assert found[-1] == pytest.approx(simulation.markers[0], abs=1e-7)
+    still = predict(plainly(scene), Measured(times, None, None, TIP, np.zeros((3, 3))), ())
+    assert np.abs(found[-1] - still[-1]).max() > 1e-4
 
 
 def test_commands_of_a_motion_are_followed() -> None:
