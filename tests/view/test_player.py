@@ -216,7 +216,7 @@ def test_the_page_asks_for_nothing_and_holds_its_words_as_text(tmp_path: Path) -
     found = re.search(r'<script id="reel" type="application/json">(.*?)</script>', text, re.DOTALL)
     assert found
     assert json.loads(found[1])["events"] == [[0.5, EVENT]]
-    assert text.count("</script>") == 3
+    assert text.count("</script>") == 4
 
 
 def test_a_page_without_a_reel_says_so() -> None:

@@ -108,6 +108,11 @@ class Film {
     return pose;
   }
 
+  // Positions of piece p until the picture at hand, 3 numbers each; without those in which it is not there.
+  path(p, [i]) {
+    return this.poses[p].slice(0, i + 1).filter((pose) => pose.every(Number.isFinite)).flatMap((pose) => [pose[0], pose[1], pose[2]]);
+  }
+
   // Where the bodies are, for a camera that goes along.
   middle([i]) {
     const m = [0, 0, 0];

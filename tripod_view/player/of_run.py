@@ -313,6 +313,8 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         found.append(Curve(RETURNED.get(kind, "answer"), given, names, back * sides[1]))
     if "effector" in arrays:
         found.append(Curve("effector", "mm", ("x", "y", "z"), 1e3 * arrays["effector"][steps][:, :3]))
+    if "ball" in arrays:
+        found.append(Curve("ball", "mm", ("x", "y", "z"), 1e3 * arrays["ball"][steps][:, :3]))
     if "rigid" in arrays:
         heights = 1e3 * arrays["rigid"][steps][:, :, 2]
         found.append(Curve("heights", "mm", _rigid_names(scene)[: heights.shape[1]], heights))

@@ -14,9 +14,7 @@ const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "â
 
 function save(name, blob) {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
+  Object.assign(link, { href: URL.createObjectURL(blob), download: name }).click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
@@ -115,7 +113,7 @@ async function main() {
   library.textContent = await unpackText(byId("library").textContent);
   document.head.append(library);
   const film = new Film(stage), canvas = byId("picture"), read = await unpack(stage.data);
-  let asked = 0, time = 0, playing = false, live = !first, showLines = false, waiting = false, followed = stage.camera.follow ? "bodies" : "";
+  let asked = 0, time = 0, playing = false, live = !first, showLines = false, showPath = false, waiting = false, followed = stage.camera.follow ? "bodies" : "";
   const redraw = () => { if (!asked) asked = requestAnimationFrame(paint); };
   let view;
   try {
@@ -137,7 +135,11 @@ async function main() {
   for (const name of colours.fields.keys()) option(byId("colour"), name, name);
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
-  stage.pieces.forEach((piece, p) => { if (piece.moves) option(byId("follow"), String(p), `follow ${piece.name}`); });
+  const movers = new Map();
+  stage.pieces.forEach((piece, p) => { if (piece.moves && !movers.has(piece.name)) movers.set(piece.name, p); });
+  for (const [name, p] of movers) option(byId("follow"), String(p), `follow ${name}`);
+  const main = ["ball", "effector", "maze", ...movers.keys()].find((name) => movers.has(name)); // whose path is drawn
+  byId("path").hidden = !main;
   byId("follow").value = followed;
   byId("follow").addEventListener("change", (e) => { followed = e.target.value; redraw(); });
   byId("colour").addEventListener("change", (e) => { colours.choose(e.target.value); redraw(); });
@@ -155,6 +157,7 @@ async function main() {
     fit: () => view.fit(), home: () => view.home(), front: () => view.from("front"), side: () => view.from("side"),
     top: () => view.from("top"), below: () => { view.below = !view.below; pressed("below", view.below); view.moved(); },
     lines: () => { showLines = !showLines; view.showLines(showLines); pressed("lines", showLines); },
+    path: () => { showPath = !showPath; pressed("path", showPath); },
     panel: () => { byId("panels").hidden = !byId("panels").hidden; pressed("panel", !byId("panels").hidden); },
     help: () => { const sheet = byId("sheet"); if (sheet.open) sheet.close(); else sheet.showModal(); },
     shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`, ...colours.words])),
@@ -206,6 +209,7 @@ async function main() {
       const { points, vectors } = film.arrows[a][moment[0]], on = byId(`arrow-${a}`).checked, none = new Float32Array(0);
       view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.arrowScale(arrow.longest));
     });
+    view.trail(showPath ? film.path(movers.get(Number(followed) ? stage.pieces[followed].name : main), moment) : []);
     view.render();
     plots.draw(time);
     const bar = byId("time");
@@ -247,6 +251,12 @@ async function main() {
   });
   byId("plot-picked").addEventListener("click", () => { plots.addNode(...picked); redraw(); });
 
+  byId("split").addEventListener("pointerdown", (e) => {
+    e.target.setPointerCapture(e.pointerId);
+    e.target.onpointermove = (m) => { byId("panels").style.width = `${clamp(innerWidth - m.clientX, 160, 0.8 * innerWidth)}px`; redraw(); };
+    e.target.onpointerup = () => { e.target.onpointermove = null; };
+  });
+
   // ---- keys, time
 
   byId("time").addEventListener("input", (e) => jump(Number(e.target.value)));
@@ -257,7 +267,7 @@ async function main() {
     const act = { " ": actions.play, ArrowRight: () => jump(film.times[Math.min(i + 1, film.length - 1)]),
       ArrowLeft: () => jump(film.times[Math.max(i - 1, 0)]), Home: () => seek(film.start), End: () => seek(film.end),
       l: actions.lines, r: actions.home, f: actions.fit, t: actions.top, s: actions.side, w: actions.front, b: actions.below,
-      p: actions.shot, h: actions.panel, "?": actions.help }[e.key];
+      p: actions.shot, c: actions.path, h: actions.panel, "?": actions.help }[e.key];
     if (act) { e.preventDefault(); if (e.target.blur) e.target.blur(); act(); redraw(); }
   });
 

@@ -6,6 +6,7 @@
 const HALF_ANGLE = 0.3; // half the angle of view [rad]
 const NONE = [176, 176, 176]; // colour of a value that is missing
 const ARROW_SHARE = 0.4; // length of the longest arrow over the radius of the scene
+const CREASE = 40; // angle between faces whose common edge is drawn, of pieces [degrees]
 const VIEWS = { front: [-90, 0], side: [0, 0], top: [-90, 90] }; // azimuth and elevation of the eye [degrees]
 
 // Spreads a table of colours, each [r, g, b] of 0 to 255, evenly to 256.
@@ -104,6 +105,10 @@ class View {
     geometry.setAttribute("position", new THREE.BufferAttribute(read(piece.vertices), 3));
     geometry.setIndex(new THREE.BufferAttribute(read(piece.triangles), 1));
     const made = { geometry, mesh: this.mesh(geometry, this.material(piece.colour)), shadow: this.shadow(geometry) };
+    this.creases ??= new THREE.LineBasicMaterial({ color: 0x222a30, transparent: true, opacity: 0.45 });
+    const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, CREASE), this.creases);
+    edges.frustumCulled = false;
+    made.mesh.add(edges);
     for (const mesh of [made.mesh, made.shadow]) mesh.matrixAutoUpdate = false;
     return made;
   }
@@ -173,6 +178,26 @@ class View {
       made.heads.setMatrixAt(drawn++, matrix.compose(at, turn, size.set(2.2 * thick, 2.2 * thick, head)));
     }
     for (const part of [made.shafts, made.heads]) { part.count = drawn; part.instanceMatrix.needsUpdate = true; }
+  }
+
+  // Draws the way of something, through points of the world, 3 numbers each; none: nothing.
+  trail(points) {
+    const T = THREE;
+    if (!this.path) {
+      this.path = new T.Line(new T.BufferGeometry(), new T.LineBasicMaterial({ color: 0xc2185b, depthTest: false, transparent: true }));
+      this.path.frustumCulled = false;
+      this.path.renderOrder = 3;
+      this.scene.add(this.path);
+    }
+    if (this.path.room !== points.length) {
+      this.path.geometry.dispose();
+      this.path.geometry = new T.BufferGeometry().setAttribute("position", new T.BufferAttribute(new Float32Array(points.length), 3));
+      this.path.room = points.length;
+    }
+    const { position } = this.path.geometry.attributes;
+    for (let i = 0; i < points.length; i++) position.array[i] = points[i] - this.origin[i % 3];
+    position.needsUpdate = true;
+    this.path.visible = points.length > 3;
   }
 
   // Metres of a unit at which the longest arrow, of `longest` units, is well seen.
