@@ -3,7 +3,7 @@
 
 const byId = (id) => document.getElementById(id);
 const BACKGROUND = "#edf1f4"; // of a saved picture
-const AUTO = "automatic";
+const PARTS = /^(servo|arm|goal)\b/; // pieces that no camera follows
 
 function length(metres) {
   const short = (v) => String(Number(v.toPrecision(3)));
@@ -136,7 +136,7 @@ async function main() {
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
   const movers = new Map();
-  stage.pieces.forEach((piece, p) => { if (piece.moves && !movers.has(piece.name)) movers.set(piece.name, p); });
+  stage.pieces.forEach((piece, p) => { if (piece.moves && !movers.has(piece.name) && !PARTS.test(piece.name)) movers.set(piece.name, p); });
   for (const [name, p] of movers) option(byId("follow"), String(p), `follow ${name}`);
   const main = ["ball", "effector", "maze", ...movers.keys()].find((name) => movers.has(name)); // whose path is drawn
   byId("path").hidden = !main;
