@@ -177,6 +177,7 @@ def run(
         "figures": {
             "accuracy": accuracy.line,
             "quantity": accuracy.quantity,
+            "size": accuracy.size,
             "finer": finer(accuracy),
             "error": {"measured": accuracy.measured, "bound": accuracy.bound},
             "effects": named(description),
@@ -311,7 +312,7 @@ def _astray(error: float, simulation: Simulation) -> list[str]:
     return [
         (
             f"the estimated error of the time steps exceeded the size of the body ({1000.0 * size:.3g} "
-            "mm), so the positions from then on are not reliable; take a smaller dt"
+            "mm): dt is too large, or the estimate fails here; compare with half of dt, or take another scheme"
         )
     ]
 
