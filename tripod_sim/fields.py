@@ -2,22 +2,23 @@
 
 They follow from positions alone, so they can also be computed of a recording, and are computed only on request.
 
-Elements have stress, deformation gradient and energy density at their integration points. In each element the shape
-functions of its corners are fitted to these values by least squares, and evaluated at its nodes: local smoothing
-[HintonCampbell1974]. A node takes the mean of its elements, weighted by their undeformed volumes, as in the recovery
-that error estimates use [ZienkiewiczZhu1992]. Stress invariants are those of the mean stress tensor, and the largest
+Elements have their values at integration points. In each element the shape functions of its corners are fitted to
+these by least squares, and evaluated at its nodes: local smoothing [HintonCampbell1974]. Energy density is quadratic
+where stress is linear, so it is psi - P:F/2 that is extrapolated, and P:F/2 of the extrapolated P and F is added: exact
+where psi is quadratic in F. A node takes the mean of its elements, weighted by their undeformed volumes, as the recovery
+of error estimates does [ZienkiewiczZhu1992]. Stress invariants are those of the mean stress tensor, and the largest
 stretch is that of the mean deformation gradient. A field that is uniform is exact. At the border between two materials
 the stress is the mean of both sides, and at an edge where theory has a singularity it grows with each finer mesh.
 
 Incompatible modes are where the strain energy is least at the given positions. Dampers do not count.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element
@@ -26,7 +27,7 @@ from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import ELASTIC
-from tripod_sim.forces.stress_kernels import ENERGY, GRADIENT, STRESS, VALUES, write_points
+from tripod_sim.forces.stress_kernels import ENERGY, GRADIENT, PIOLA, STRESS, VALUES, write_points
 from tripod_sim.materials.laws import SHEAR
 
 BALANCED = 1e-10
@@ -88,9 +89,9 @@ class NodalFields:
         terms = list(terms)
         self._undeformed, self._owners = np.array(undeformed), owners
         solids = [term for term in terms if isinstance(term, Solid)]
-        self._solids = [_PointValues(solid) for solid in solids]
+        self._solids = [_SolidValues(solid) for solid in solids]
         self._springs = [term.links for term in terms if term.links is not None]
-        self._recovery = _recovery(solids, len(undeformed)) if solids else None
+        self._mean = _volume_mean(solids, len(undeformed)) if solids else None
         self.names = tuple(
             name for name, field in FIELDS.items()
             if name == "displacement" or (field.solid and solids) or (field.spring and self._springs)
@@ -115,10 +116,9 @@ class NodalFields:
             found["displacement"] = np.linalg.norm(positions - self._undeformed, axis=1)
         others = [name for name in names if name != "displacement"]
         nodal: dict[str, FloatArray] = {}
-        if self._recovery is not None and any(FIELDS[name].solid for name in others):
+        if self._mean and any(FIELDS[name].solid for name in others):
             x = np.ascontiguousarray(positions)
-            points = np.concatenate([solid.values(x).reshape(-1, VALUES) for solid in self._solids])
-            nodal = _derived(self._recovery(points), others)
+            nodal = _derived(self._mean(np.concatenate([solid.values(x) for solid in self._solids])), others)
         for name in others:
             found[name] = nodal.get(name, np.full(len(positions), np.nan))
             if FIELDS[name].spring and self._springs:
@@ -149,23 +149,27 @@ class NodalFields:
                 np.fmax.at(out, ends, value)
 
 
-class _PointValues:
-    """State at the integration points of a solid."""
+class _SolidValues:
+    """State of a solid at the nodes of its elements."""
 
     def __init__(self, solid: Solid) -> None:
         arrays = solid.solid
         self._arrays = arrays._replace(inverse=np.zeros_like(arrays.inverse), y=np.zeros_like(arrays.y))
-        self._modes = solid.rest_modes() if solid.has_modes else np.zeros((len(solid.elements), 0, 3))
-        self._out = np.zeros((*arrays.weight.shape, VALUES))
+        self._modes, self._extrapolation = solid.rest_modes(), extrapolation(solid.kind)
+        self._points = np.zeros((*arrays.weight.shape, VALUES))
         force = BALANCED * arrays.p[SHEAR] * arrays.weight.sum(axis=1).mean() ** (2 / 3)
         self._tolerance = float(force**2)
 
     def values(self, x: FloatArray) -> FloatArray:
-        """Return the columns of `stress_kernels` at positions `x` [m], shape (m, q, 16); the next call overwrites."""
+        """Return stress, F and energy density at positions `x` [m], a row for each node of each element, 16 columns."""
         if self._modes.size:
             self._settle(x)
-        write_points(x, self._modes, self._arrays, self._out)
-        return self._out
+        points = self._points
+        write_points(x, self._modes, self._arrays, points)
+        points[..., ENERGY] -= 0.5 * _work(points)
+        nodal = self._extrapolation @ points
+        nodal[..., ENERGY] += 0.5 * _work(nodal)
+        return np.delete(nodal, np.s_[PIOLA:ENERGY], axis=2).reshape(-1, PIOLA + 1)
 
     def _settle(self, x: FloatArray) -> None:
         """Bring the modes to their least energy, from those of the last call."""
@@ -186,26 +190,25 @@ class _PointValues:
         return float(settle_modes(x, self._modes[part], some, ELASTIC, tolerance))
 
 
-def _recovery(solids: Iterable[Solid], count: int) -> Callable[[FloatArray], FloatArray]:
-    """Return what takes values at the points of all solids, (p, c), to those at `count` nodes, (n, c)."""
-    rows, columns, entries, first = [], [], [], 0
-    for solid in solids:
-        weight = solid.solid.weight
-        m, q = weight.shape
-        matrix = extrapolation(solid.kind)
-        size = len(matrix)
-        points = first + np.arange(m * q).reshape(m, 1, q)
-        rows.append(np.broadcast_to(solid.elements[:, :, None], (m, size, q)).ravel())
-        columns.append(np.broadcast_to(points, (m, size, q)).ravel())
-        entries.append((weight.sum(axis=1)[:, None, None] * matrix).ravel())
-        first += m * q
-    shape = (count, first)
-    summed: csr_matrix = coo_matrix(
-        (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape
-    ).tocsr()
-    volumes = np.asarray(summed.sum(axis=1))  # the rows of an extrapolation sum to 1
-    with np.errstate(invalid="ignore"):
-        return lambda values: np.asarray(summed @ values) / np.where(volumes > 0, volumes, np.nan)
+def _work(values: FloatArray) -> FloatArray:
+    """Return P:F [J/m³] of the columns of `stress_kernels`."""
+    return np.asarray((values[..., GRADIENT:PIOLA] * values[..., PIOLA:ENERGY]).sum(axis=-1))
+
+
+def _volume_mean(solids: Sequence[Solid], count: int) -> Callable[[FloatArray], FloatArray]:
+    """Return what takes values at the nodes of each element of all solids, (p, c), to those at `count` nodes, (n, c)."""
+    nodes = np.concatenate([solid.elements.ravel() for solid in solids])
+    volume = np.concatenate([np.repeat(s.solid.weight.sum(axis=1), s.elements.shape[1]) for s in solids])
+    total = np.bincount(nodes, volume, count)
+    shares = csr_matrix((volume / total[nodes], (nodes, np.arange(len(nodes)))), (count, len(nodes)))
+    nowhere = total == 0.0
+
+    def mean(values: FloatArray) -> FloatArray:
+        found = np.asarray(shares @ values)
+        found[nowhere] = np.nan
+        return found
+
+    return mean
 
 
 def _derived(nodal: FloatArray, names: Iterable[str]) -> dict[str, FloatArray]:
@@ -221,9 +224,9 @@ def _derived(nodal: FloatArray, names: Iterable[str]) -> dict[str, FloatArray]:
             tensor = np.stack([xx, xy, zx, xy, yy, yz, zx, yz, zz], axis=1).reshape(-1, 3, 3)
             some = np.linalg.eigvalsh(tensor)[:, 2 if name == "principal_max" else 0]
         elif name == "energy_density":
-            some = np.maximum(values[:, ENERGY], 0.0)  # an extrapolation may fall below
+            some = np.maximum(values[:, PIOLA], 0.0)  # an extrapolation may fall below
         elif name == "stretch":
-            F = values[:, GRADIENT:ENERGY].reshape(-1, 3, 3)
+            F = values[:, GRADIENT:PIOLA].reshape(-1, 3, 3)
             some = np.linalg.svd(F, compute_uv=False)[:, 0]
         else:
             continue

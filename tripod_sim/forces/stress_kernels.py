@@ -10,7 +10,7 @@ from tripod_sim.materials import calls
 from tripod_sim.materials.laws import KAPPA
 from tripod_sim.materials.spectral import determinant
 
-STRESS, GRADIENT, ENERGY, VALUES = 0, 6, 15, 16
+STRESS, GRADIENT, PIOLA, ENERGY, VALUES = 0, 6, 15, 24, 25
 """First columns of the values of a point, and their number."""
 
 _stress, _volume_slope = calls.stress, calls.volume_slope
@@ -18,11 +18,11 @@ _stress, _volume_slope = calls.stress, calls.volume_slope
 
 @njit(cache=True, error_model="numpy")
 def write_points(x: Array, modes: Array, solid: SolidArrays, out: Array) -> None:
-    """Write the state of each integration point to `out`, shape (m, q, 16).
+    """Write the state of each integration point to `out`, shape (m, q, 25).
 
-    The columns are the Cauchy stress P F^T / det F [Pa] as xx, yy, zz, xy, yz, zx, then F by rows, then the strain
-    energy per undeformed volume [J/m³]. With mean dilatation both have what the module `solid_kernels` says. The
-    stress of dampers does not count. An element with a point that has no energy, or is inside out, has NaN throughout.
+    The columns are the Cauchy stress P F^T / det F [Pa] as xx, yy, zz, xy, yz, zx, then F by rows, P by rows [Pa], and
+    the strain energy per undeformed volume [J/m³]. Mean dilatation counts (see `solid_kernels`), stress of dampers
+    does not. An element with a point that has no energy, or is inside out, has NaN throughout.
 
     Args:
         x, modes, solid: See `solid_kernels`.
@@ -54,4 +54,5 @@ def write_points(x: Array, modes: Array, solid: SolidArrays, out: Array) -> None
             for i in range(3):
                 for j in range(3):
                     out[e, q, GRADIENT + 3 * i + j] = F[i, j]
+                    out[e, q, PIOLA + 3 * i + j] = P[i, j]
             out[e, q, ENERGY] = density
