@@ -82,6 +82,7 @@ def stage(film: Film) -> dict[str, Any]:
             {"name": a.name, "unit": a.unit, "colour": a.colour, "longest": longest(a)} for a in film.arrows
         ],
         "maps": MAPS,
+        "colouring": _colouring(film),
         "curves": [
             {"title": c.title, "unit": c.unit, "names": c.names, "limits": c.limits} for c in film.curves
         ],
@@ -131,6 +132,15 @@ def reel(film: Film) -> dict[str, Any]:
         "events": [[e.time, e.text] for e in film.events],
         "data": packer.text(),
     }
+
+
+def _colouring(film: Film) -> dict[str, Any] | None:
+    """Return by which field, and in which limits, the player colours at first; limits None: those of each picture."""
+    chosen = film.colouring
+    if not (chosen and film.field(chosen.name)):
+        return None
+    limits = chosen.limits or (film.limits(chosen.name) if len(film.times) > 1 else None)
+    return {"name": chosen.name, "limits": limits if limits and limits[0] < limits[1] else None}
 
 
 def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
