@@ -97,8 +97,8 @@ def colours_of_recording(arrays: Mapping[str, Any], text: str | None) -> Colours
     shape = simulation.positions.shape
     if getattr(positions, "shape", ())[1:] != shape:
         raise ColourError(
-            f"--colour: the scene of the run has {shape[0]} nodes, its positions have not; a mesh file has changed since, "
-            "so leave out --colour"
+            f"--colour: the scene of the run now has {shape[0]} nodes, and its positions have not: a mesh file has "
+            "changed since; leave out --colour"
         )
     return colours_of(simulation.fields(), text, every=True)
 
@@ -119,7 +119,12 @@ def _film_fields(nodal: "NodalFields", names: tuple[str, ...]) -> "Fields | None
         with lock:
             rows = [nodal.values(names, x) for x in positions]
         return [
-            Field(FIELDS[name].label, FIELDS[name].unit, np.stack([row[name] for row in rows]), FIELDS[name].signed)
+            Field(
+                FIELDS[name].label,
+                FIELDS[name].unit,
+                np.stack([row[name] for row in rows]),
+                FIELDS[name].signed,
+            )
             for name in names
         ]
 

@@ -123,7 +123,13 @@ class ShownRun:
     """
 
     def __init__(
-        self, command: str, pictures: Pictures, *, view: bool, port: int | None = None, colour: str | None = None
+        self,
+        command: str,
+        pictures: Pictures,
+        *,
+        view: bool,
+        port: int | None = None,
+        colour: str | None = None,
     ) -> None:
         """`command`: its name in messages; `port`: of the page, None for a free one; `colour`: of `--colour`."""
         self._command, self._pictures, self._view, self._port = command, pictures, view, port
@@ -210,6 +216,13 @@ def check_colour(colour: str | None, pictures: Pictures, *, view: bool) -> None:
         raise PictureError(str(error)) from None
     if not (view or pictures.html or pictures.gif or pictures.mp4):
         raise PictureError(f"--colour {colour!r} colours nothing: add --view, --html, --gif or --mp4")
+    if pictures.gif or pictures.mp4:
+        try:
+            import PIL  # noqa: F401, PLC0415
+        except ImportError:
+            raise PictureError(
+                "--colour needs Pillow for its legend: pip install pillow, or make setup"
+            ) from None
 
 
 def serve_arrays(

@@ -4,11 +4,13 @@ They follow from positions alone, so they can also be computed of a recording, a
 
 Elements have their values at integration points. In each element the shape functions of its corners are fitted to
 these by least squares, and evaluated at its nodes: local smoothing [HintonCampbell1974]. Energy density is quadratic
-where stress is linear, so it is psi - P:F/2 that is extrapolated, and P:F/2 of the extrapolated P and F is added: exact
-where psi is quadratic in F. A node takes the mean of its elements, weighted by their undeformed volumes, as the recovery
-of error estimates does [ZienkiewiczZhu1992]. Stress invariants are those of the mean stress tensor, and the largest
-stretch is that of the mean deformation gradient. A field that is uniform is exact. At the border between two materials
-the stress is the mean of both sides, and at an edge where theory has a singularity it grows with each finer mesh.
+where stress is linear. So psi - P:F/2 is extrapolated, and P:F/2 of the extrapolated P and F is added: that is exact
+where psi is quadratic in F. A node takes the mean of its elements, weighted by their undeformed volumes, as the
+recovery of error estimates does [ZienkiewiczZhu1992].
+
+Stress invariants are those of the mean stress tensor, and the largest stretch is that of the mean deformation gradient.
+A uniform field is exact. At the border between two materials the stress is the mean of both sides. At an edge where
+theory has a singularity it grows with each finer mesh.
 
 Incompatible modes are where the strain energy is least at the given positions. Dampers do not count.
 """
@@ -178,13 +180,19 @@ class _SolidValues:
         self._modes[:] = 0.0
         if np.isfinite(self._settled(x, slice(None))):
             return
-        for e in range(len(self._modes)):  # an element without energy is no reason to leave out those behind it
+        for e in range(
+            len(self._modes)
+        ):  # an element without energy is no reason to leave out those behind it
             self._settled(x, slice(e, e + 1))
 
     def _settled(self, x: FloatArray, part: slice) -> float:
         a = self._arrays
         some = a._replace(
-            elements=a.elements[part], G=a.G[part], weight=a.weight[part], inverse=a.inverse[part], before=a.before[part]
+            elements=a.elements[part],
+            G=a.G[part],
+            weight=a.weight[part],
+            inverse=a.inverse[part],
+            before=a.before[part],
         )
         tolerance = self._tolerance * len(some.elements)
         return float(settle_modes(x, self._modes[part], some, ELASTIC, tolerance))
@@ -196,7 +204,7 @@ def _work(values: FloatArray) -> FloatArray:
 
 
 def _volume_mean(solids: Sequence[Solid], count: int) -> Callable[[FloatArray], FloatArray]:
-    """Return what takes values at the nodes of each element of all solids, (p, c), to those at `count` nodes, (n, c)."""
+    """Return what takes values at the nodes of each element, (p, c), to their means at `count` nodes, (n, c)."""
     nodes = np.concatenate([solid.elements.ravel() for solid in solids])
     volume = np.concatenate([np.repeat(s.solid.weight.sum(axis=1), s.elements.shape[1]) for s in solids])
     total = np.bincount(nodes, volume, count)

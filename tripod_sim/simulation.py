@@ -644,7 +644,9 @@ class Simulation:
 
         nodes = self.mesh.nodes
         numbers = np.repeat(np.arange(float(len(nodes)))[:, None], 3, axis=1)
-        apart = self.shown(numbers) - self.shown(np.zeros_like(numbers))  # vertices keep their distance to a node
+        apart = self.shown(numbers) - self.shown(
+            np.zeros_like(numbers)
+        )  # vertices keep their distance to a node
         return NodalFields(self._system.elastic.terms, nodes, np.rint(apart[:, 0]).astype(np.int64))
 
     @property

@@ -50,7 +50,9 @@ def write_points(x: Array, modes: Array, solid: SolidArrays, out: Array) -> None
             for k in range(3):
                 for c in range(2):
                     i, j = (k, k) if c == 0 else (k, (k + 1) % 3)
-                    out[e, q, STRESS + 3 * c + k] = (P[i, 0] * F[j, 0] + P[i, 1] * F[j, 1] + P[i, 2] * F[j, 2]) / J
+                    out[e, q, STRESS + 3 * c + k] = (
+                        P[i, 0] * F[j, 0] + P[i, 1] * F[j, 1] + P[i, 2] * F[j, 2]
+                    ) / J
             for i in range(3):
                 for j in range(3):
                     out[e, q, GRADIENT + 3 * i + j] = F[i, j]

@@ -188,7 +188,11 @@ class Film:
             _need(bool(np.isfinite(body.positions).all()), body.name, "finite positions")
             _check_triangles(body.name, body.triangles, body.positions.shape[1])
             for field in body.fields:
-                _need(field.values.shape == body.positions.shape[:2], field.name, "a value of each node and picture")
+                _need(
+                    field.values.shape == body.positions.shape[:2],
+                    field.name,
+                    "a value of each node and picture",
+                )
             _check_colour(body.name, body.colour)
         for piece in self.pieces:
             _need(
@@ -202,7 +206,11 @@ class Film:
             _check_colour(piece.name, piece.colour)
         if self.colouring and self.colouring.limits:
             low, high = self.colouring.limits
-            _need(-np.inf < low < high < np.inf, self.colouring.name, "limits of its colours, the lower one first")
+            _need(
+                -np.inf < low < high < np.inf,
+                self.colouring.name,
+                "limits of its colours, the lower one first",
+            )
         for event in self.events:
             _need(bool(np.isfinite(event.time)), event.text, "a time of each event")
         for arrows in self.arrows:
@@ -212,7 +220,11 @@ class Film:
                 arrows.points.shape == shape == arrows.vectors.shape, arrows.name,
                 "points and vectors of shape (sum of counts, 3), and a count for each picture",
             )  # fmt: skip
-            _need(bool(np.isfinite(arrows.vectors).all() and np.isfinite(arrows.points).all()), arrows.name, "finite arrows")
+            _need(
+                bool(np.isfinite(arrows.vectors).all() and np.isfinite(arrows.points).all()),
+                arrows.name,
+                "finite arrows",
+            )
             _check_colour(arrows.name, arrows.colour)
         for curve in self.curves:
             _need(curve.values.shape == (k, len(curve.names)), curve.title, f"values of shape ({k}, names)")

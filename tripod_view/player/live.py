@@ -38,7 +38,9 @@ class GrowingFilm:
         while not len((arrays := self._arrays())["time"]):
             time.sleep(WAIT)
         first = np.zeros(1, dtype=np.int64)
-        return player_page(stage(film_of(arrays, first, fields=self._fields, colouring=self._colouring)), None)
+        return player_page(
+            stage(film_of(arrays, first, fields=self._fields, colouring=self._colouring)), None
+        )
 
     def reel(self, first: int) -> dict[str, Any]:
         """Return the pictures from `first` on, None for none yet; the camera for all so far; whether that is all."""

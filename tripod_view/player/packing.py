@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_view.player.camera import camera
 from tripod_host.arrays import FloatArray
+from tripod_view.player.camera import camera
 from tripod_view.player.colour_maps import MAPS
 from tripod_view.player.film import Arrows, Film
 
@@ -146,7 +146,9 @@ def _colouring(film: Film) -> dict[str, Any] | None:
 def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
     """Return the values of a field as codes 0 to `CODES` of their range, and where the player finds them."""
     finite = np.isfinite(values)
-    low, high = (float(end) for end in (values[finite].min(), values[finite].max())) if finite.any() else (0.0, 0.0)
+    low, high = (
+        (float(end) for end in (values[finite].min(), values[finite].max())) if finite.any() else (0.0, 0.0)
+    )
     step = (high - low) / CODES
     codes = np.full(values.shape, CODES + 1, np.uint8)
     codes[finite] = np.rint((values[finite] - low) / step).astype(np.uint8) if step > 0 else 0
