@@ -43,6 +43,7 @@ ROOMS = {
     "scene": ("scene", "scene_file"),
     "build": ("build",),
     "mesh_error": ("mesh_error",),
+    "fields": ("fields",),
     "simulation": ("simulation",),
 }
 """The rooms of tripod_sim with their files and folders, from the lowest: a room may import those before it."""

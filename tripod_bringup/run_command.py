@@ -48,6 +48,7 @@ def run_scene(
     out: Path | None,
     pictures: Pictures,
     view: bool,
+    colour: str | None = None,
     accuracy: str | None = None,
     budget: str | None = None,
     study: Path | None = None,
@@ -68,7 +69,7 @@ def run_scene(
     try:
         with (
             interruptible("tripod run", out, *pictures.wanted.values()),
-            ShownRun("tripod run", pictures, view=view, port=view_port) as shown,
+            ShownRun("tripod run", pictures, view=view, port=view_port, colour=colour) as shown,
         ):
             choice = chosen(scene, wished(accuracy, budget), overrides, study)
             if choice:

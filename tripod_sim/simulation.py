@@ -31,6 +31,7 @@ from tripod_sim.tables.method import Solver
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.contact_solver import ContactSolver
+    from tripod_sim.fields import NodalFields
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -636,6 +637,17 @@ class Simulation:
         """Return where the nodes of `skin` are [m], shape (k, 3), for `positions` of the mesh's nodes [m], (n, 3)."""
         skin = self._parts.skin
         return skin.vertices(positions) if skin else positions
+
+    def fields(self) -> "NodalFields":
+        """Return what computes fields on the nodes of `skin` from positions of the mesh's nodes (see `fields`)."""
+        from tripod_sim.fields import NodalFields  # noqa: PLC0415 - only on request
+
+        nodes = self.mesh.nodes
+        numbers = np.repeat(np.arange(float(len(nodes)))[:, None], 3, axis=1)
+        apart = self.shown(numbers) - self.shown(
+            np.zeros_like(numbers)
+        )  # vertices keep their distance to a node
+        return NodalFields(self._system.elastic.terms, nodes, np.rint(apart[:, 0]).astype(np.int64))
 
     @property
     def solver(self) -> Solver:

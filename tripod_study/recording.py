@@ -69,6 +69,7 @@ class Recording:
     Attributes:
         count: Steps that are in it: another thread may read what is before.
         dt: Of a step [s].
+        fields: Returns what computes fields of the recorded positions.
     """
 
     def __init__(self, simulation: Simulation, steps: int) -> None:
@@ -118,7 +119,7 @@ class Recording:
         there = {*shapes, *self._still, "event_times"}
         self._still["units"] = np.array(json.dumps({n: unit for n, unit in UNITS.items() if n in there}))
         self._events: list[tuple[float, str]] = []
-        self.count, self.dt = 0, simulation.scene.dt
+        self.count, self.dt, self.fields = 0, simulation.scene.dt, simulation.fields
 
     def add(self, simulation: Simulation) -> None:
         """Add the present state of `simulation`. Raises SceneError where there is no room for one more."""

@@ -4,7 +4,8 @@ Nothing is simulated or read again: what the arrays do not hold is not shown.
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -15,12 +16,15 @@ from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, radius, tube, tube_triangles
-from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
+from tripod_view.player.film import Colouring, Curve, Deforming, Event, Field, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import Shape, ball, box, disc, joined
 from tripod_view.shade import shade
 
 Arrays = Mapping[str, Any]
+
+Fields = Callable[[FloatArray], Sequence[Field]]
+"""Returns the fields of all shown points for positions of nodes in some pictures [m], shape (k, n, 3)."""
 
 SILICONE, CLOTH, CHAIN = (240, 190, 140), (92, 148, 206), (92, 148, 206)
 RIGID: tuple[Rgb, ...] = ((214, 120, 60), (66, 140, 110), (150, 100, 180), (190, 170, 60), (90, 120, 190))
@@ -86,13 +90,18 @@ WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_poin
 """Arrays of whole numbers."""
 
 
-def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf) -> Film:
+def film_of(
+    arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf, fields: Fields | None = None,
+    colouring: Colouring | None = None,
+) -> Film:  # fmt: skip
     """Return the film of a run.
 
     Args:
         arrays: By name, as `tripod run --out` writes them.
         steps: Which of them are shown; None: `pictures` chooses.
         after: Events up to this time are left out [s].
+        fields: By what surfaces may be coloured.
+        colouring: By which of them they are at first.
 
     Raises:
         FilmError: arrays are missing or do not fit each other, or there are no such steps.
@@ -114,15 +123,17 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
     scene = _scene(str(arrays["scene"]))
     dt = _number(scene, "dt", default=np.nan)
     times = np.asarray(arrays["time"], float)[steps]
+    numbers = fields(arrays["positions"][steps]) if fields else ()
     return Film(
         title=str(scene.get("name", "run")),
         description=str(scene.get("description", "")),
         source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * dt:.4g} ms; no robot was moved.",
         times=times,
-        bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, shown, steps)),
+        bodies=(*_bodies(arrays, shown[steps], scene, numbers), *_cables(arrays, shown, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
+        colouring=colouring,
     )
 
 
@@ -194,8 +205,10 @@ def _entry(table: Any, *keys: str | int) -> Any:
     return table
 
 
-def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list[Deforming]:
-    """Return soft and rigid bodies, each with the triangles that have corners of it."""
+def _bodies(
+    arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any], fields: Sequence[Field]
+) -> list[Deforming]:
+    """Return soft and rigid bodies, each with the triangles that have corners of it, and with the `fields` of all."""
     soft = [("silicone", SILICONE)] if "mesh" in scene else []
     soft += [("springs", CLOTH)] if "springs" in scene else []
     soft += [(str(b.get("name")), CLOTH if "springs" in b else SILICONE) for b in scene["body"]]
@@ -212,8 +225,16 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
             raise FilmError(f"scene: it describes {len(soft)} soft bodies; bodies has nodes of more")
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
         name, colour = soft[i] if k < 0 else (_rigid_names(scene)[k], RIGID[k % len(RIGID)])
-        found.append(Deforming(name, own, shown[:, low:high], colour))
+        parts = tuple(_on_surface(field, slice(low, high), own) for field in fields)
+        found.append(Deforming(name, own, shown[:, low:high], colour, fields=parts))
     return found
+
+
+def _on_surface(field: Field, part: slice, triangles: NDArray[np.int64]) -> Field:
+    """Return a field of one body, where its triangles are: values that nobody sees would take room."""
+    values, corners = np.full_like(field.values[:, part], np.nan), np.unique(triangles)
+    values[:, corners] = field.values[:, part][:, corners]
+    return replace(field, values=values)
 
 
 def _cables(arrays: Arrays, shown: FloatArray, steps: NDArray[np.int64]) -> list[Deforming]:

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_view.player.camera import Camera, camera
-from tripod_view.player.film import Film, Rgb
+from tripod_view.player.colour_scale import scale_of
+from tripod_view.player.film import Deforming, Film
 from tripod_view.player.picture_kernels import draw_lines, fill_triangles
 
 HALF_ANGLE = 0.3
@@ -18,6 +19,9 @@ THROUGH = 0.35
 
 FINER = 2
 """Points of a side for each that is shown."""
+
+MARGIN = 8
+"""Of the legend, from the corner [points]."""
 
 SKY, GROUND_HAZE, GRID, SHADOW = (244, 247, 250), (221, 228, 234), (120.0, 135.0, 150.0), 0.87
 
@@ -35,6 +39,8 @@ class Painter:
         self._grid = _grid(self._view)
         columns, rows = FINER * size[0], FINER * size[1]
         share = np.linspace(0, 1, rows)[:, None, None]
+        self._scale = scale_of(film)
+        self._legend = self._scale.legend() if self._scale else None
         self._sky = np.broadcast_to((1 - share) * SKY + share * GROUND_HAZE, (rows, columns, 3)).copy()
 
     def picture(self, k: int) -> NDArray[np.uint8]:
@@ -48,18 +54,22 @@ class Painter:
         moved = np.array([*np.rint((centre - self._view.centre)[:2] / cell) * cell, 0.0])
         draw_lines(self._seen(grid + moved, centre), lines, np.array(GRID), 0.35, image, depth)
         self._shadows(shapes, centre, image)
-        for vertices, triangles, colour in shapes:
+        for vertices, triangles, colours in shapes:
             if len(triangles):
-                shades = self._shades(vertices, triangles, colour, centre)
+                shades = self._light(vertices, triangles, centre)[:, None, None] * colours
                 fill_triangles(self._seen(vertices, centre), triangles, shades, image, depth)
         for body in self._film.bodies:
             if body.through:
                 whole, near = image.copy(), np.zeros(image.shape[:2])
-                shades = np.full((len(body.triangles), 3), body.colour, float)
+                shades = np.full((len(body.triangles), 1, 3), body.colour, float)
                 fill_triangles(self._seen(body.positions[k], centre), body.triangles, shades, whole, near)
                 image += THROUGH * (whole - image)
         smaller = image.reshape(self.size[1], FINER, self.size[0], FINER, 3).mean(axis=(1, 3))
-        return np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
+        picture = np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
+        if self._legend is not None:
+            rows, columns = self._legend.shape[:2]
+            picture[MARGIN : MARGIN + rows, MARGIN : MARGIN + columns] = self._legend
+        return picture
 
     def _centre(self, k: int) -> FloatArray:
         """Return what is looked at; it goes along with bodies that go far."""
@@ -69,9 +79,9 @@ class Painter:
             centre += positions[k].mean(axis=0) - positions[0].mean(axis=0)
         return centre
 
-    def _shapes(self, k: int) -> list[tuple[FloatArray, IndexArray, Rgb]]:
-        """Return vertices in the world, triangles and colour of all that is there in picture k."""
-        found = [(body.positions[k], body.triangles, body.colour) for body in self._film.bodies]
+    def _shapes(self, k: int) -> list[tuple[FloatArray, IndexArray, FloatArray]]:
+        """Return vertices in the world, triangles and their colours of all that is there in picture k."""
+        found = [(body.positions[k], body.triangles, self._colours(body, k)) for body in self._film.bodies]
         for piece in self._film.pieces:
             vertices = piece.vertices
             if piece.poses is not None:
@@ -81,8 +91,15 @@ class Painter:
                 axis, w = pose[3:6], pose[6]
                 turned = 2 * np.cross(axis, vertices)
                 vertices = vertices + w * turned + np.cross(axis, turned) + pose[:3]
-            found.append((vertices, piece.triangles, piece.colour))
+            found.append((vertices, piece.triangles, np.array(piece.colour, float)[None, None]))
         return found
+
+    def _colours(self, body: Deforming, k: int) -> FloatArray:
+        """Return the colour of a body, shape (1, 1, 3), or of the corners of its triangles, shape (m, 3, 3)."""
+        field = next((f for f in body.fields if self._scale and f.name == self._scale.name), None)
+        if not (self._scale and field):
+            return np.array(body.colour, float)[None, None]
+        return self._scale.colours(field.values[k])[body.triangles]
 
     def _seen(self, vertices: FloatArray, centre: FloatArray) -> FloatArray:
         """Return column, row and 1 / distance of `vertices`, shape (n, 3)."""
@@ -101,10 +118,8 @@ class Painter:
         aspect = self.size[0] / self.size[1]
         return self._view.radius / math.sin(HALF_ANGLE) / min(1.0, aspect)
 
-    def _shades(
-        self, vertices: FloatArray, triangles: IndexArray, colour: Rgb, centre: FloatArray
-    ) -> FloatArray:
-        """Return the colour of each triangle in the light, seen from either side."""
+    def _light(self, vertices: FloatArray, triangles: IndexArray, centre: FloatArray) -> FloatArray:
+        """Return how bright each triangle is, seen from either side."""
         a, b, c = (vertices[triangles[:, i]] for i in range(3))
         normal = np.cross(b - a, c - a)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
@@ -113,10 +128,10 @@ class Painter:
         light = 0.52 + 0.16 * normal[:, 2]
         for strength, direction in ((0.40, (0.6, -0.3, 1.0)), (0.12, (-0.6, 0.7, 0.3))):
             light += strength * np.maximum(normal @ (np.array(direction) / np.linalg.norm(direction)), 0)
-        return np.asarray(light[:, None] * np.array(colour, float))
+        return np.asarray(light)
 
     def _shadows(
-        self, shapes: list[tuple[FloatArray, IndexArray, Rgb]], centre: FloatArray, image: FloatArray
+        self, shapes: list[tuple[FloatArray, IndexArray, FloatArray]], centre: FloatArray, image: FloatArray
     ) -> None:
         """Darken the ground under all shapes."""
         floor = self._view.floor
@@ -135,7 +150,7 @@ class Painter:
                     axis=1,
                 )
                 fill_triangles(
-                    self._seen(flat, centre), triangles, np.full((len(triangles), 3), SHADOW), mask, depth
+                    self._seen(flat, centre), triangles, np.full((len(triangles), 1, 3), SHADOW), mask, depth
                 )
         image *= mask
 

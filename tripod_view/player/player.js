@@ -25,7 +25,7 @@ function option(select, value, text) {
   select.append(made);
 }
 
-// What the surface may be coloured by: its own colours, displacement, and the fields of the film.
+// What the surface may be coloured by: its own colours, and the fields of the film.
 class Colours {
   constructor(film, view) {
     this.film = film;
@@ -37,7 +37,8 @@ class Colours {
       names.get(field.name).of.push([b, f]);
     }));
     const all = film.stage.bodies.map((_, b) => [b, -1]).filter(([b]) => film.stage.bodies[b].nodes);
-    this.fields = new Map([["displacement", { unit: "m", map: "plain", of: all }], ...names]);
+    const moved = names.has("displacement") ? [] : [["moved since the first picture", { unit: "m", map: "plain", of: all }]];
+    this.fields = new Map([...moved, ...names]);
     this.values = film.stage.bodies.map((body) => new Float32Array(body.nodes));
     this.chosen = "";
     this.range = null; // fixed range, or null: that of the picture
@@ -133,6 +134,11 @@ async function main() {
   // ---- controls
 
   for (const name of colours.fields.keys()) option(byId("colour"), name, name);
+  if (stage.colouring) {
+    byId("colour").value = stage.colouring.name;
+    colours.choose(stage.colouring.name);
+    colours.range = stage.colouring.limits;
+  }
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
   const movers = new Map();
