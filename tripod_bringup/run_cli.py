@@ -62,6 +62,9 @@ def run(
         Path | None,
         typer.Option(metavar="FILE.npz", help="Write every step as arrays, for NumPy and `tripod show`."),
     ] = None,
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Record and show the forces on the bodies as arrows.")
+    ] = False,
     accuracy: Accuracy = None,
     budget: Budget = None,
     study: Study = None,
@@ -84,6 +87,7 @@ def run(
             actuate=actuate or (),
             overrides=set_ or [],
             out=out,
+            forces=forces,
             pictures=Pictures(html=html, plot=plot, gif=gif, mp4=mp4),
             view=view,
             view_port=view_port,

@@ -53,6 +53,7 @@ class MazeBall:
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
         self._before = np.zeros((len(plate.nodes), 3))
+        self._pressed = np.zeros((2, 3))
 
     def start(self, state: State) -> BallState:
         """Return the ball at rest on its start, the plate being at rest as in `state`. Raises SceneError."""
@@ -101,12 +102,23 @@ class MazeBall:
         motion.centre[1] = state.centres[0] + motion.rotation[1] @ self._up
         motion.twist[:] = self._twist(state, dt)
         self.ball.advance(ball, motion, state.time - dt, dt)
-        force, moment = self.ball.reaction / dt
+        force, moment, along = self.ball.reaction / dt
+        self._pressed[:] = -along, along - force
         arm = motion.centre[0] - state.centres[0]
         wrench = np.array([force, moment + skew(arm) @ force])
         share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
+
+    def contact_forces(self, ball: BallState) -> tuple[FloatArray, FloatArray]:
+        """Return the sums of the normal forces and of the friction of floor and walls on the ball, shape (2, 3) [N].
+
+        They are means over the last step. Both begin where the normal forces press: second what that is, a point on the
+        ball [m], shape (3,).
+        """
+        size = float(np.linalg.norm(self._pressed[0]))
+        inward = self._pressed[0] / size if size else np.zeros(3)
+        return self._pressed.copy(), ball.position - self.ball.description.radius * inward
 
     @property
     def twist(self) -> FloatArray:

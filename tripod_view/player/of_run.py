@@ -15,7 +15,7 @@ from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, radius, tube, tube_triangles
-from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
+from tripod_view.player.film import Arrows, Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import Shape, ball, box, disc, joined
 from tripod_view.shade import shade
@@ -31,6 +31,18 @@ OBSTACLE, MAZE, GOAL, BALL, BELT = (
     (205, 45, 45),
     (250, 240, 225),
 )
+
+FORCES: Mapping[str, Rgb] = {
+    "normal force": (214, 39, 40),
+    "friction": (255, 127, 14),
+    "reaction": (31, 119, 180),
+    "reaction moment": (106, 81, 163),
+    "cable tension": (0, 140, 140),
+    "servo torque": (194, 24, 91),
+    "load": (44, 140, 44),
+    "weight": (110, 110, 110),
+}
+"""Colours of groups of forces."""
 
 DISC_HEIGHT = 0.006
 """Of an effector's disc [m]."""
@@ -75,14 +87,15 @@ SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "rigid": (STEPS, None, 7), "triangles": (None, 3), "bodies": (None,), "arms": (None, 13),
     "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
     "maze_goal": (4,), "event_times": (None,), "actuator_positions": (STEPS, None), "actuator_efforts": (STEPS, None),
-    "cables": (STEPS, None, 3), "cable_points": (None,),
+    "cables": (STEPS, None, 3), "cable_points": (None,), "force_counts": (STEPS, None), "force_points": (None, 3),
+    "force_vectors": (None, 3),
 }  # fmt: skip
 """Shapes of the arrays of numbers; None: any length."""
 
-MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name != "time")
-"""Arrays that have a row for each time."""
+MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name not in ("time", "force_counts"))
+"""Arrays that have a row for each time, of which only some are read."""
 
-WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points")
+WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points", "force_counts")
 """Arrays of whole numbers."""
 
 
@@ -122,6 +135,7 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
         bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, shown, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
+        arrows=tuple(_arrows(arrays, steps)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
     )
 
@@ -156,6 +170,14 @@ def _check_arrays(arrays: Arrays) -> None:
         if not named or (counts < 2).any() or counts.sum() != arrays["cables"].shape[1]:
             raise FilmError(
                 f"cable_points: a film needs at least 2 of each of cable_names, {arrays['cables'].shape[1]} in all"
+            )
+    if "force_counts" in arrays:
+        counts, total = arrays["force_counts"], len(arrays.get("force_points", ()))
+        named = len(arrays.get("force_names", ())) == len(arrays.get("force_units", ())) == counts.shape[1]
+        if not named or (counts < 0).any() or counts.sum() != total or len(arrays.get("force_vectors", ())) != total:
+            raise FilmError(
+                f"force_counts: a film needs one of each step and each of force_names and force_units, {total} in all, "
+                "as many as force_points and force_vectors"
             )
     texts = arrays.get("event_texts", np.zeros(0))
     if len(np.shape(texts)) != 1 or len(texts) != len(arrays.get("event_times", ())):
@@ -322,6 +344,22 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         joules = arrays["energies"][steps]
         unit, scale = ("J", 1.0) if np.abs(joules).max() >= 1 else ("mJ", 1e3)
         found.append(Curve("energies", unit, ("kinetic", "strain", "gravity"), scale * joules))
+    return found
+
+
+def _arrows(arrays: Arrays, steps: NDArray[np.int64]) -> list[Arrows]:
+    """Return the forces on the bodies, as far as they were recorded."""
+    if "force_counts" not in arrays:
+        return []
+    counts = np.asarray(arrays["force_counts"], np.int64)
+    ends, found = counts.ravel().cumsum().reshape(counts.shape), []
+    for g, (name, unit) in enumerate(zip(arrays["force_names"], arrays["force_units"], strict=True)):
+        own = counts[steps, g]
+        rows = np.repeat(ends[steps, g] - own.cumsum(), own) + np.arange(own.sum())
+        colour = FORCES.get(str(name), OBSTACLE)
+        found.append(Arrows(
+            str(name), str(unit), colour, own, arrays["force_points"][rows], arrays["force_vectors"][rows]
+        ))  # fmt: skip
     return found
 
 
