@@ -15,7 +15,7 @@ the motion. Not shown: the pressure in chambers, which acts on the whole surface
 impacts; forces within bodies, of springs between them and of a strain limit; drag.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.constraints.groups import Groups
 from tripod_sim.forces.actuator import ActuatorTerm
 from tripod_sim.integrators.stepper import integrator_of
 from tripod_sim.mesh.topology import parts as connected_parts
@@ -72,8 +73,8 @@ class ActingForces:
         self._parts, self._system, self._contact = parts, parts.system, contact
         system, groups = parts.system, parts.system.groups
         self._held, self._terms = groups.held(), [t for t in system.terms if t.exerts]
-        self._patches = _patches(system)
-        self._weights = _weights(system)
+        blocks = [block for body in parts.assembly.bodies for block in body.blocks] if parts.assembly else []
+        self._patches, self._weights = _patches(groups, blocks), _weights(system, blocks)
         there = {term.exerts for term in self._terms}
         if contact or parts.ball:
             there |= {"normal force", "friction"}
@@ -126,7 +127,7 @@ class ActingForces:
         if (ball := self._parts.ball) and state.ball:
             forces, point = ball.contact_forces(state.ball)
             return {
-                name: _acting(point[None], force[None])
+                name: _acting(np.array([point, point]), np.array([force, -force]))
                 for name, force in zip(("normal force", "friction"), forces, strict=True)
             }
         return {}
@@ -149,9 +150,13 @@ class ActingForces:
 
     def _weight(self, state: State) -> list[Vectors]:
         """Return the weight of each body at the centre of mass."""
-        found = [((shares @ state.positions[nodes])[None], weight[None]) for nodes, shares, weight in self._weights]
+        found = [
+            ((shares @ state.positions[nodes])[None], weight[None]) for nodes, shares, weight in self._weights
+        ]
         if rigid := self._parts.rigid:
             found.append((state.rigid.centres.copy(), rigid.mass[:, None] * rigid.gravity))
+        if (ball := self._parts.ball) and state.ball:
+            found.append((state.ball.position[None].copy(), ball.weight[None]))
         return found
 
 
@@ -161,18 +166,18 @@ def _acting(points: FloatArray, vectors: FloatArray) -> Vectors:
     return points[acts], vectors[acts]
 
 
-def _patches(system: System) -> tuple[IndexArray, ...]:
+def _patches(groups: Groups, blocks: Sequence[IndexArray]) -> tuple[IndexArray, ...]:
     """Return the nodes that something holds, those together that neighbour each other and are held alike.
 
-    The nodes of each servo arm are one patch.
+    The nodes of each servo arm are one patch. `blocks`: nodes of elements and springs, each of shape (m, k).
     """
-    groups, size = system.groups, system.groups.size
+    size = groups.size
     alike = groups.still() @ np.array([1, 2, 4])
     if groups.prescribed:
         alike[groups.prescribed.nodes] += 8
     first, second = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for term in system.elastic.terms:
-        rows = term.elements[(alike[term.elements] > 0).sum(axis=1) > 1]
+    for block in blocks:
+        rows = block[(alike[block] > 0).sum(axis=1) > 1]
         for a in range(rows.shape[1]):
             for b in range(a):
                 near = (alike[rows[:, a]] == alike[rows[:, b]]) & (alike[rows[:, a]] > 0)
@@ -186,14 +191,14 @@ def _patches(system: System) -> tuple[IndexArray, ...]:
     return (*patches, *(frame.nodes for frame in groups.driven))
 
 
-def _weights(system: System) -> list[tuple[IndexArray, FloatArray, FloatArray]]:
-    """Return of each soft body its nodes, with those of what is rigid on it, their shares of its mass, its weight [N]."""
+def _weights(system: System, blocks: Sequence[IndexArray]) -> list[tuple[IndexArray, FloatArray, FloatArray]]:
+    """Return of each soft body, with what is rigid on it, its nodes, their shares of its mass, and its weight [N]."""
     known = [term.node_weights for term in system.terms]
     total = sum((weights for weights in known if weights is not None), np.zeros_like(system.rest))
     sizes = np.linalg.norm(total, axis=1)
     if not sizes.any():
         return []
-    rows = [*(term.elements for term in system.elastic.terms), *(nodes[None] for nodes in system.groups.rigid)]
+    rows = [*blocks, *(nodes[None] for nodes in system.groups.rigid)]
     label = connected_parts(rows, len(sizes))
     bodies = [np.flatnonzero(label == own) for own in np.unique(label[sizes > 0.0])]
     return [(nodes, sizes[nodes] / sizes[nodes].sum(), total[nodes].sum(axis=0)) for nodes in bodies]

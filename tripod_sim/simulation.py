@@ -113,6 +113,9 @@ class Simulation:
         notes: What users should know of the scene.
     """
 
+    _acting: "ActingForces | None" = None
+    _ended = False  # whether the state is the end of a step of which what `forces` needs is kept
+
     def __init__(
         self,
         scene: Scene,
@@ -166,8 +169,6 @@ class Simulation:
         self._held_by = np.full(
             self.state.positions.shape if scene.marker else (0, 3), np.nan
         )  # see `reactions`
-        self._acting: ActingForces | None = None
-        self._ended = False  # whether the state is the end of a step with what `forces` needs kept
         self.report = StepReport()
         self.left_out: tuple[int, ...] = ()
         self._rest: RestState | None = None

@@ -27,7 +27,7 @@
 | `event_times`, `event_texts` | e | events: time [s], text |
 | `force_names`, `force_units` | g | groups of `--forces`, with that option: name, unit |
 | `force_counts` | k, g | how many vectors each has |
-| `force_points`, `force_vectors` | p, 3 | of the first step, group by group, then of the next: place [m], force on the body |
+| `force_points`, `force_vectors` | p, 3 | of the first step, group by group, then of the next: place [m], force |
 """
 
 import json
@@ -202,7 +202,10 @@ class RecordedForces:
         simulation.keep_forces()
         self._names, self._most = simulation.force_groups, most
         units = [UNITS[name] for name in self._names]
-        self.still = {"force_names": np.array(self._names, dtype=str), "force_units": np.array(units, dtype=str)}
+        self.still = {
+            "force_names": np.array(self._names, dtype=str),
+            "force_units": np.array(units, dtype=str),
+        }
         self._counts: IndexArray = np.zeros((steps, len(self._names)), dtype=np.int64)
         self._ends: IndexArray = np.zeros(steps + 1, dtype=np.int64)
         self._rows: FloatArray = np.zeros((256, 6))
@@ -227,7 +230,11 @@ class RecordedForces:
     def arrays(self, first: int, end: int) -> dict[str, Any]:
         """Return those of the steps from `first` to before `end`."""
         rows = self._rows[self._ends[first] : self._ends[end]]
-        return {"force_counts": self._counts[first:end], "force_points": rows[:, :3], "force_vectors": rows[:, 3:]}
+        return {
+            "force_counts": self._counts[first:end],
+            "force_points": rows[:, :3],
+            "force_vectors": rows[:, 3:],
+        }
 
 
 def check_out(option: str, path: Path | None, suffixes: tuple[str, ...]) -> None:

@@ -39,7 +39,7 @@ class Term:
         return None
 
     def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
-        """Return points [m] and the forces [N] on the bodies there, both of shape (k, 3), with nodes at `x` [m], (n, 3).
+        """Return points [m] and the forces [N] on bodies there, both of shape (k, 3), with nodes at `x` [m], (n, 3).
 
         `command`, `effort`: of an actuator q and dV/dq at the end of the step; the term's own may be of elsewhere.
         """

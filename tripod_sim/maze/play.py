@@ -35,6 +35,7 @@ class MazeBall:
         plate: What it plays on.
         ball: Its motion on the plate.
         loads: What it presses with, a term of the system.
+        weight: Of the ball [N], shape (3,).
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class MazeBall:
             )
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
-        self._gravity, self._weight = gravity, description.mass * gravity
+        self._gravity, self.weight = gravity, description.mass * gravity
         self.loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
@@ -152,7 +153,7 @@ class MazeBall:
         out[:] = 0.0
         if ball.place is Place.PLAYING:
             nodes, centre = self.plate.nodes, state.centres[0]
-            out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self._weight)
+            out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self.weight)
 
     def _twist(self, state: State, dt: float) -> FloatArray:
         """Return velocity and angular velocity of the plate at the end of the step, shape (2, 3)."""
