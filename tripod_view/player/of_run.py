@@ -242,26 +242,26 @@ def _cables(arrays: Arrays, shown: FloatArray, steps: NDArray[np.int64]) -> list
     """Return cables as tubes, thin where slack."""
     if "cables" not in arrays:
         return []
-    extent = float(np.ptp(shown[0], axis=0).max())
-    forces = {name: values if unit == "N" else back for name, unit, values, back in _actuators(arrays)}
+    extent = float(np.ptp(shown[np.zeros(1, dtype=np.int64)][0], axis=0).max())
+    forces = {name: values if unit == "N" else back for name, unit, values, back in _actuators(arrays, steps)}
     ends = np.cumsum([0, *np.asarray(arrays["cable_points"]).tolist()]).tolist()
     found = []
     for name, (low, high) in zip(arrays["cable_names"].tolist(), pairwise(ends), strict=True):
-        radii = radius(extent, forces[name][steps] if name in forces else np.ones(len(steps)))
-        nodes = tube(arrays["cables"][steps, low:high], radii)
+        radii = radius(extent, forces[name] if name in forces else np.ones(len(steps)))
+        nodes = tube(arrays["cables"][steps][:, low:high], radii)
         found.append(Deforming(f"cable {name}", tube_triangles(high - low), nodes, TAUT_COLOUR, through=True))
     return found
 
 
-def _actuators(arrays: Arrays) -> list[tuple[str, str, FloatArray, FloatArray]]:
-    """Return of each actuator that is no servo its name, the unit of its command, the commands, shape (k,), and what it
-    gave in return.
+def _actuators(arrays: Arrays, steps: NDArray[np.int64]) -> list[tuple[str, str, FloatArray, FloatArray]]:
+    """Return of each actuator that is no servo its name, the unit of its command, the commands in `steps`, shape (k,),
+    and what it gave in return.
     """
     found = []
     for i, (name, unit) in enumerate(
         zip(arrays.get("actuator_names", ()), arrays.get("actuator_units", ()), strict=False)
     ):
-        position, effort = (arrays[f"actuator_{kind}"][:, i] for kind in ("positions", "efforts"))
+        position, effort = (arrays[f"actuator_{kind}"][steps][:, i] for kind in ("positions", "efforts"))
         pair = (effort, position) if unit in EFFORT_UNITS else (position, effort)
         found.append((str(name), str(unit), *pair))
     return found
@@ -326,10 +326,10 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         stall = _number(scene, "servo_dynamics", "stall_torque", default=0.0)
         limits = (stall, -stall) if stall else ()
         found.append(Curve("servo torques", "N m", servos, arrays["torques"][steps], limits))
-    others = _actuators(arrays)
+    others = _actuators(arrays, steps)
     for kind in dict.fromkeys(unit for _, unit, *_ in others):
         names = tuple(name for name, unit, *_ in others if unit == kind)
-        sides = [np.stack([row[k][steps] for row in others if row[1] == kind], axis=1) for k in (2, 3)]
+        sides = [np.stack([row[k] for row in others if row[1] == kind], axis=1) for k in (2, 3)]
         (factor, shown), (back, given) = SHOWN.get(kind, (1.0, kind)), ANSWERS.get(kind, (1.0, ""))
         found.append(Curve(QUANTITIES.get(kind, "command"), shown, names, factor * sides[0]))
         found.append(Curve(RETURNED.get(kind, "answer"), given, names, back * sides[1]))
