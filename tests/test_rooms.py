@@ -43,7 +43,7 @@ ROOMS = {
     "scene": ("scene", "scene_file"),
     "build": ("build",),
     "mesh_error": ("mesh_error",),
-    "simulation": ("simulation",),
+    "simulation": ("simulation", "acting_forces"),
 }
 """The rooms of tripod_sim with their files and folders, from the lowest: a room may import those before it."""
 

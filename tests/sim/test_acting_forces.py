@@ -10,7 +10,7 @@ import pytest
 from tests.messages import raises_naming
 from tests.sim.actuator_scenes import BY_LENGTH, BY_TENSION, JAW, PUSH, finger
 from tripod_host.arrays import FloatArray
-from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim import SceneError, Simulation, acting_forces, load_scene
 from tripod_sim.acting_forces import UNITS, Forces
 
 G = 9.81
@@ -260,6 +260,13 @@ def test_to_look_at_forces_changes_no_bit(scene: str, words: tuple[str, ...]) ->
         alone.step()
     assert looked.positions.tobytes() == alone.positions.tobytes()
     assert looked.efforts.tobytes() == alone.efforts.tobytes()
+
+
+def test_the_page_has_the_table_of_the_groups() -> None:
+    rows = [line for line in str(acting_forces.__doc__).splitlines() if line.startswith("| ")]
+    page = (Path(__file__).parents[2] / "docs" / "seeing.md").read_text(encoding="utf-8")
+    assert all(row in page for row in rows)
+    assert all(name in "".join(rows) for name in UNITS)
 
 
 def test_without_them_nothing_is_imported_or_kept() -> None:
