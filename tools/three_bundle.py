@@ -35,9 +35,18 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         needed = {"three": THREE, "esbuild": ESBUILD}
-        (folder / "package.json").write_text(json.dumps({"private": True, "dependencies": needed}), encoding="utf-8")
+        (folder / "package.json").write_text(
+            json.dumps({"private": True, "dependencies": needed}), encoding="utf-8"
+        )
         (folder / "entry.js").write_text("\n".join(lines), encoding="utf-8")
-        out = ["--bundle", "--minify", "--format=iife", "--global-name=THREE", "--legal-comments=none", "--outfile=three.js"]
+        out = [
+            "--bundle",
+            "--minify",
+            "--format=iife",
+            "--global-name=THREE",
+            "--legal-comments=none",
+            "--outfile=three.js",
+        ]
         banner = f"--banner:js=/* three.js {THREE}, MIT: three.LICENSE */"
         try:
             subprocess.run(["npm", "install", "--silent", "--no-audit"], cwd=folder, check=True)

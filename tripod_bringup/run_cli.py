@@ -65,6 +65,9 @@ def run(
         Path | None,
         typer.Option(metavar="FILE.npz", help="Write every step as arrays, for NumPy and `tripod show`."),
     ] = None,
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Record and show the forces on the bodies as arrows.")
+    ] = False,
     accuracy: Accuracy = None,
     budget: Budget = None,
     study: Study = None,
@@ -87,6 +90,7 @@ def run(
             actuate=actuate or (),
             overrides=set_ or [],
             out=out,
+            forces=forces,
             pictures=Pictures(html=html, plot=plot, gif=gif, mp4=mp4),
             view=view,
             colour=colour,

@@ -249,7 +249,11 @@ class Tracker:
         self._plan = False, False
         self._seen: LinearState | None = None
         self._turning = 0.0
-        self._came = float("inf"), 0.0, 0  # distance [m] that was last come closer to by `STUCK`, when [s], updates since
+        self._came = (
+            float("inf"),
+            0.0,
+            0,
+        )  # distance [m] that was last come closer to by `STUCK`, when [s], updates since
         self._guidance.reset()
         if self.correction:
             self.correction.reset()
@@ -297,7 +301,9 @@ class Tracker:
                 result, command=self._smooth(result.command, state.stability_margin, beyond=beyond)
             )
         error, tilt = self._present_error(state, wanted)
-        activity = self._activity(result, beyond=beyond, advances=bool(state.held) and self._advances(result, now))
+        activity = self._activity(
+            result, beyond=beyond, advances=bool(state.held) and self._advances(result, now)
+        )
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
         closest = activity is Activity.CLOSEST
         if not state.held:  # the planner knows servos alone
@@ -488,7 +494,9 @@ class Tracker:
     def _advances(self, result: IkResult, now: float) -> bool:
         """Return whether the effector came closer lately: steps that are damped remove little of the error each."""
         distance, at, count = self._came
-        if result.error < (1 - STUCK) * distance or distance < (1 - STUCK) * result.error:  # closer, or another target
+        if (
+            result.error < (1 - STUCK) * distance or distance < (1 - STUCK) * result.error
+        ):  # closer, or another target
             self._came = result.error, now, 0
             return True
         self._came = distance, at, count + 1

@@ -128,5 +128,7 @@ class LagMonitor:
         stand_back()
         told = self._propose()
         if not self._closed:
-            self.proposal = f"each simulated second takes {speed.load:.2g} s of one core, publishing included; {told}"
+            self.proposal = (
+                f"each simulated second takes {speed.load:.2g} s of one core, publishing included; {told}"
+            )
             self._say(self.words(speed))

@@ -105,9 +105,7 @@ class SimNode(Node):
         )
         self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(simulation.joints)
         self._join_graph(simulation)
-        self._transforms = (
-            Transforms(self, scene, values["frame_prefix"]) if self._arms else None
-        )
+        self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(
             simulation,
             self._setpoint if resimulation is None else self._recorded,

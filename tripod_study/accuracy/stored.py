@@ -185,7 +185,9 @@ def _size(quantity: Any) -> float | None:
     """Return what the errors of a quantity are relative to [m]; None where it is no length, or nothing moves."""
     table = _table(quantity, "quantities.0")
     size = table.get("scale")
-    return _number(size, "quantities.0.scale") or None if table.get("unit") == "m" and size is not None else None
+    return (
+        _number(size, "quantities.0.scale") or None if table.get("unit") == "m" and size is not None else None
+    )
 
 
 def _error(errors: Any, name: str, i: int) -> tuple[float, float]:

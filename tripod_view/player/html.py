@@ -26,7 +26,9 @@ def player_page(stage: dict[str, Any], reel: dict[str, Any] | None) -> str:
         "TITLE": html.escape(stage["title"]),
         "STYLE": _file("player.css"),
         "LIBRARY": _packed("three.js", "tripod_view.web"),
-        "SCRIPT": "\n".join((_file("view.js", "tripod_view.web"), *map(_file, ("film.js", "plot.js", "player.js")))),
+        "SCRIPT": "\n".join(
+            (_file("view.js", "tripod_view.web"), *map(_file, ("film.js", "plot.js", "player.js")))
+        ),
         "STAGE": _json(stage),
         "REEL": _json(reel),
     }

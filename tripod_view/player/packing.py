@@ -125,6 +125,7 @@ def reel(film: Film) -> dict[str, Any]:
                 "counts": packer.add(a.counts, "u4"),
                 "points": packer.add(a.points, "f4"),
                 "vectors": packer.add(a.vectors, "f4"),
+                "longest": longest(a),
             }
             for a in film.arrows
         ],

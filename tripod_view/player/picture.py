@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_view.player.camera import Camera, camera
 from tripod_view.player.colour_scale import scale_of
-from tripod_view.player.film import Deforming, Film
+from tripod_view.player.film import Deforming, Film, Rgb
+from tripod_view.player.packing import longest
 from tripod_view.player.picture_kernels import draw_lines, fill_triangles
+from tripod_view.player.shapes import Shape, disc
 
 HALF_ANGLE = 0.3
 """Half the angle of view [rad]."""
@@ -22,6 +24,12 @@ FINER = 2
 
 MARGIN = 8
 """Of the legend, from the corner [points]."""
+
+ARROW, THICK = 0.4, 0.012
+"""Length of the longest arrow of a group over the radius of the scene, and thickness of all, as in `view.js`."""
+
+HEAD, WIDE, FACES = 5.0, 2.2, 10
+"""Length and width of the head of an arrow over its thickness, and faces of it."""
 
 SKY, GROUND_HAZE, GRID, SHADOW = (244, 247, 250), (221, 228, 234), (120.0, 135.0, 150.0), 0.87
 
@@ -64,6 +72,10 @@ class Painter:
                 shades = np.full((len(body.triangles), 1, 3), body.colour, float)
                 fill_triangles(self._seen(body.positions[k], centre), body.triangles, shades, whole, near)
                 image += THROUGH * (whole - image)
+        in_front = np.zeros_like(depth)  # arrows are seen through all else
+        for vertices, triangles, colour in self._arrows(k):
+            shades = self._light(vertices, triangles, centre)[:, None, None] * np.array(colour, float)
+            fill_triangles(self._seen(vertices, centre), triangles, shades, image, in_front)
         smaller = image.reshape(self.size[1], FINER, self.size[0], FINER, 3).mean(axis=(1, 3))
         picture = np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
         if self._legend is not None:
@@ -100,6 +112,18 @@ class Painter:
         if not (self._scale and field):
             return np.array(body.colour, float)[None, None]
         return self._scale.colours(field.values[k])[body.triangles]
+
+    def _arrows(self, k: int) -> list[tuple[FloatArray, IndexArray, Rgb]]:
+        """Return vertices in the world, triangles and colour of the arrows of each group in picture k."""
+        found, thick = [], THICK * self._view.radius
+        for arrows in self._film.arrows:
+            own = slice(*(int(arrows.counts[:end].sum()) for end in (k, k + 1)))
+            scale = ARROW * self._view.radius / (longest(arrows) or 1.0)
+            vectors = scale * arrows.vectors[own]
+            seen = np.linalg.norm(vectors, axis=1) > 0.5 * thick
+            if seen.any():
+                found.append((*_arrow_shapes(arrows.points[own][seen], vectors[seen], thick), arrows.colour))
+        return found
 
     def _seen(self, vertices: FloatArray, centre: FloatArray) -> FloatArray:
         """Return column, row and 1 / distance of `vertices`, shape (n, 3)."""
@@ -153,6 +177,28 @@ class Painter:
                     self._seen(flat, centre), triangles, np.full((len(triangles), 1, 3), SHADOW), mask, depth
                 )
         image *= mask
+
+
+def _arrow_shapes(points: FloatArray, vectors: FloatArray, thick: float) -> Shape:
+    """Return arrows from `points` along `vectors`, both of shape (k, 3) [m], their shafts of radius `thick` [m]."""
+    length = np.linalg.norm(vectors, axis=1)
+    along = vectors / length[:, None]
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    frames = np.stack([across, np.cross(along, across), along], axis=1)
+    head, (unit, triangles) = np.minimum(length, HEAD * thick)[:, None], disc(1.0, 1.0, FACES)
+    upper, rim = unit[:, 2] > 0, thick * unit[:, :2]
+    start, neck, end = np.zeros((len(points), 1)), length[:, None] - head, length[:, None]
+    shaft = _placed(points, frames, rim, np.where(upper, neck, start))
+    tip = _placed(points, frames, WIDE * rim * ~upper[:, None], np.where(upper, end, neck))
+    every = np.arange(2 * len(points))[:, None, None] * len(unit) + triangles
+    return np.concatenate([shaft, tip]), every.reshape(-1, 3)
+
+
+def _placed(points: FloatArray, frames: FloatArray, aside: FloatArray, along: FloatArray) -> FloatArray:
+    """Return what is `aside` (v, 2) and `along` (k, v) in each frame (k, 3, 3) at `points` (k, 3), shape (k v, 3)."""
+    local = np.concatenate([np.broadcast_to(aside, (*along.shape, 2)), along[:, :, None]], axis=2)
+    return np.asarray(points[:, None] + local @ frames).reshape(-1, 3)
 
 
 def _axes(view: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -213,6 +213,7 @@ async function main() {
     colours.paint(moment);
     stage.arrows.forEach((arrow, a) => {
       const { points, vectors } = film.arrows[a][moment[0]], on = byId(`arrow-${a}`).checked, none = new Float32Array(0);
+      byId(`arrow-${a}`).nextSibling.data = ` ${arrow.name}, up to ${arrow.longest.toPrecision(2)} ${arrow.unit}`;
       view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.arrowScale(arrow.longest));
     });
     view.trail(showPath ? film.path(movers.get(Number(followed) ? stage.pieces[followed].name : main), moment) : []);
