@@ -17,10 +17,11 @@ WEB = Path(__file__).parents[1] / "tripod_view" / "web"
 
 PARTS = (
     "BufferAttribute", "BufferGeometry", "Color", "ColorManagement", "ConeGeometry", "CylinderGeometry",
-    "DirectionalLight", "DoubleSide", "DynamicDrawUsage", "EdgesGeometry", "EqualStencilFunc", "Group", "HemisphereLight",
-    "IncrementStencilOp", "InstancedMesh", "Line", "LinearSRGBColorSpace", "LineBasicMaterial", "LineSegments", "Matrix4",
-    "Mesh", "MeshBasicMaterial", "MeshLambertMaterial", "PerspectiveCamera", "Quaternion", "Raycaster", "Scene",
-    "Sphere", "Box3", "Vector2", "Vector3", "WebGLRenderer",
+    "DirectionalLight", "DoubleSide", "DynamicDrawUsage", "EdgesGeometry", "EqualStencilFunc", "Group",
+    "HemisphereLight", "IncrementStencilOp", "InstancedMesh", "Line", "LinearSRGBColorSpace",
+    "LineBasicMaterial", "LineSegments", "Matrix4", "Mesh", "MeshBasicMaterial", "MeshLambertMaterial",
+    "PerspectiveCamera", "Quaternion", "Raycaster", "Scene", "Sphere", "Box3", "Vector2", "Vector3",
+    "WebGLRenderer",
 )  # fmt: skip
 """Of the package `three`."""
 

@@ -253,7 +253,7 @@ class Tracker:
             float("inf"),
             0.0,
             0,
-        )  # distance [m] that was last come closer to by `STUCK`, when [s], updates since
+        )  # distance [m] at the last `STUCK` closer, when [s], updates since
         self._guidance.reset()
         if self.correction:
             self.correction.reset()

@@ -79,7 +79,7 @@ class StoredStudy:
         draft: Settings of the point that `--accuracy draft` takes; None: the cheapest that is exact enough for it.
         varied: Fields that it varied.
         studied: Digest of the scene as it was (see `studied.studied`); empty where the study does not say.
-        size: What errors are relative to [m]: how far the quantity goes; None where it is no length or not the only one.
+        size: What errors are relative to [m]: how far the quantity goes; None where it is no length or not alone.
     """
 
     name: str
