@@ -61,7 +61,7 @@ def test_a_run_is_shown_with_what_it_has() -> None:
     assert_names(film.source, "tripod 1.2.3", "10 ms")
     assert [body.name for body in film.bodies] == ["springs"]
     assert [piece.name for piece in film.pieces] == ["ball", "ball"]
-    assert [curve.title for curve in film.curves] == ["energies"]
+    assert [curve.title for curve in film.curves] == ["ball", "energies"]
     assert [(e.time, e.text) for e in film.events] == [(0.505, "ball lost")]
     assert film.times[[0, -1]].tolist() == [0.01, 1.01]
     assert np.diff(film.times).max() == pytest.approx(0.02)

@@ -14,6 +14,44 @@ class FilmError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
+class Field:
+    """A number at each node of a body, by which its surface may be coloured.
+
+    Attributes:
+        name: What it is.
+        unit: Of the values; empty: none.
+        values: In each picture, shape (k, n); NaN where there is none.
+        signed: Whether it is shown from -a to a.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray
+    signed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Arrows:
+    """Vectors at points, as many in each picture as there are then.
+
+    Attributes:
+        name: What they are.
+        unit: Of the vectors.
+        colour: 0 to 255.
+        counts: How many there are in each picture, shape (k,).
+        points: Where they begin [m], those of all pictures one behind the other, shape (sum of counts, 3).
+        vectors: In that unit, likewise.
+    """
+
+    name: str
+    unit: str
+    colour: Rgb
+    counts: IndexArray
+    points: FloatArray
+    vectors: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Deforming:
     """A body whose nodes move, each by itself.
 
@@ -23,6 +61,7 @@ class Deforming:
         positions: Of the nodes in each picture [m], shape (k, n, 3).
         colour: Of its surface, 0 to 255.
         through: Whether it is seen through others, faintly.
+        fields: Numbers at its nodes.
     """
 
     name: str
@@ -30,6 +69,7 @@ class Deforming:
     positions: FloatArray
     colour: Rgb
     through: bool = False
+    fields: tuple[Field, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +112,19 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Colouring:
+    """By which field surfaces are coloured at first.
+
+    Attributes:
+        name: Of the field.
+        limits: Lowest and highest value of the colours; None: those of the whole film.
+    """
+
+    name: str
+    limits: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
 class Event:
     """Something that happened: the time [s] and what, in words."""
 
@@ -89,9 +142,11 @@ class Film:
         bodies: What deforms.
         pieces: What keeps its shape.
         curves: What is drawn beside it.
+        arrows: Forces and the like.
         events: What happened.
         description: A sentence about it.
         source: Where it comes from: simulated by which version, or recorded where.
+        colouring: How surfaces are coloured at first; None: by their own colours.
     """
 
     title: str
@@ -99,9 +154,27 @@ class Film:
     bodies: tuple[Deforming, ...] = ()
     pieces: tuple[Piece, ...] = ()
     curves: tuple[Curve, ...] = ()
+    arrows: tuple[Arrows, ...] = ()
     events: tuple[Event, ...] = ()
     description: str = ""
     source: str = ""
+    colouring: Colouring | None = None
+
+    def field(self, name: str) -> Field | None:
+        """Return the first field of that name; None where no body has one."""
+        return next((field for body in self.bodies for field in body.fields if field.name == name), None)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return the lowest and highest value of the fields of that name, of signed ones -a and a; 0 and 0 for none."""
+        found = [field for body in self.bodies for field in body.fields if field.name == name]
+        finite = [values for field in found if (values := field.values[np.isfinite(field.values)]).size]
+        if not finite:
+            return 0.0, 0.0
+        low, high = min(float(v.min()) for v in finite), max(float(v.max()) for v in finite)
+        if any(field.signed for field in found):
+            high = max(-low, high)
+            low = -high
+        return low, high
 
     def __post_init__(self) -> None:
         k = len(self.times)
@@ -114,6 +187,12 @@ class Film:
             _need(body.positions.shape[2] == 3, body.name, "three coordinates of each node")
             _need(bool(np.isfinite(body.positions).all()), body.name, "finite positions")
             _check_triangles(body.name, body.triangles, body.positions.shape[1])
+            for field in body.fields:
+                _need(
+                    field.values.shape == body.positions.shape[:2],
+                    field.name,
+                    "a value of each node and picture",
+                )
             _check_colour(body.name, body.colour)
         for piece in self.pieces:
             _need(
@@ -125,8 +204,28 @@ class Film:
             _need(piece.poses is None or piece.poses.shape == (k, 7), piece.name, f"poses of shape ({k}, 7)")
             _check_triangles(piece.name, piece.triangles, len(piece.vertices))
             _check_colour(piece.name, piece.colour)
+        if self.colouring and self.colouring.limits:
+            low, high = self.colouring.limits
+            _need(
+                -np.inf < low < high < np.inf,
+                self.colouring.name,
+                "limits of its colours, the lower one first",
+            )
         for event in self.events:
             _need(bool(np.isfinite(event.time)), event.text, "a time of each event")
+        for arrows in self.arrows:
+            total = int(arrows.counts.sum()) if len(arrows.counts) == k else -1
+            shape = (total, 3)
+            _need(
+                arrows.points.shape == shape == arrows.vectors.shape, arrows.name,
+                "points and vectors of shape (sum of counts, 3), and a count for each picture",
+            )  # fmt: skip
+            _need(
+                bool(np.isfinite(arrows.vectors).all() and np.isfinite(arrows.points).all()),
+                arrows.name,
+                "finite arrows",
+            )
+            _check_colour(arrows.name, arrows.colour)
         for curve in self.curves:
             _need(curve.values.shape == (k, len(curve.names)), curve.title, f"values of shape ({k}, names)")
 

@@ -1,7 +1,10 @@
 """A film as one HTML file: nothing beside it is needed, and it asks no network for anything. Pure."""
 
+import base64
 import html
 import json
+import zlib
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -22,7 +25,10 @@ def player_page(stage: dict[str, Any], reel: dict[str, Any] | None) -> str:
     parts = {
         "TITLE": html.escape(stage["title"]),
         "STYLE": _file("player.css"),
-        "SCRIPT": _file("player.js"),
+        "LIBRARY": _packed("three.js", "tripod_view.web"),
+        "SCRIPT": "\n".join(
+            (_file("view.js", "tripod_view.web"), *map(_file, ("film.js", "plot.js", "player.js")))
+        ),
         "STAGE": _json(stage),
         "REEL": _json(reel),
     }
@@ -36,5 +42,12 @@ def _json(value: Any) -> str:
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _file(name: str) -> str:
-    return (resources.files("tripod_view.player") / name).read_text(encoding="utf-8")
+def _file(name: str, folder: str = "tripod_view.player") -> str:
+    return (resources.files(folder) / name).read_text(encoding="utf-8").replace('"use strict";\n', "")
+
+
+@cache
+def _packed(name: str, folder: str) -> str:
+    """Return a file as text: zlib's format in base64."""
+    content = (resources.files(folder) / name).read_bytes()
+    return base64.b64encode(zlib.compress(content, 9)).decode("ascii")

@@ -7,11 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.player.camera import camera
-from tripod_view.player.film import Film
+from tripod_view.player.colour_maps import MAPS
+from tripod_view.player.film import Arrows, Film
 
-KINDS = {"u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
+KINDS = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
 """Of numbers, as the player names them."""
+
+CODES = 254
+"""Into which the range of a field in some pictures is divided; 255 is the code of a value that is missing."""
 
 STEPS = 65535
 """Into which the box about a body is divided in each picture: positions are right to half of one."""
@@ -57,6 +62,7 @@ def stage(film: Film) -> dict[str, Any]:
                 "nodes": body.positions.shape[1],
                 "seen": seen,
                 "through": body.through,
+                "fields": [{"name": f.name, "unit": f.unit, "signed": f.signed} for f in body.fields],
                 "triangles": packer.add(body.triangles, "u4"),
                 "edges": packer.add(edges(body.triangles), "u4"),
             }
@@ -72,6 +78,11 @@ def stage(film: Film) -> dict[str, Any]:
             }
             for piece in film.pieces
         ],
+        "arrows": [
+            {"name": a.name, "unit": a.unit, "colour": a.colour, "longest": longest(a)} for a in film.arrows
+        ],
+        "maps": MAPS,
+        "colouring": _colouring(film),
         "curves": [
             {"title": c.title, "unit": c.unit, "names": c.names, "limits": c.limits} for c in film.curves
         ],
@@ -102,16 +113,52 @@ def reel(film: Film) -> dict[str, Any]:
                 "low": packer.add(low, "f8"),
                 "step": packer.add(step, "f8"),
                 "positions": packer.add(whole, "u2"),
+                "fields": [_coded(packer, field.values) for field in body.fields],
             }
         )
     return {
         "times": packer.add(film.times, "f8"),
         "bodies": bodies,
         "poses": [packer.add(p.poses, "f8") for p in film.pieces if p.poses is not None],
+        "arrows": [
+            {
+                "counts": packer.add(a.counts, "u4"),
+                "points": packer.add(a.points, "f4"),
+                "vectors": packer.add(a.vectors, "f4"),
+                "longest": longest(a),
+            }
+            for a in film.arrows
+        ],
         "curves": [packer.add(c.values, "f4") for c in film.curves],
         "events": [[e.time, e.text] for e in film.events],
         "data": packer.text(),
     }
+
+
+def _colouring(film: Film) -> dict[str, Any] | None:
+    """Return by which field, and in which limits, the player colours at first; limits None: those of each picture."""
+    chosen = film.colouring
+    if not (chosen and film.field(chosen.name)):
+        return None
+    limits = chosen.limits or (film.limits(chosen.name) if len(film.times) > 1 else None)
+    return {"name": chosen.name, "limits": limits if limits and limits[0] < limits[1] else None}
+
+
+def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
+    """Return the values of a field as codes 0 to `CODES` of their range, and where the player finds them."""
+    finite = np.isfinite(values)
+    low, high = (
+        (float(end) for end in (values[finite].min(), values[finite].max())) if finite.any() else (0.0, 0.0)
+    )
+    step = (high - low) / CODES
+    codes = np.full(values.shape, CODES + 1, np.uint8)
+    codes[finite] = np.rint((values[finite] - low) / step).astype(np.uint8) if step > 0 else 0
+    return {"low": low, "step": step, "codes": packer.add(codes, "u1")}
+
+
+def longest(arrows: Arrows) -> float:
+    """Return the length of the longest of some arrows, 0 without any."""
+    return float(np.linalg.norm(arrows.vectors, axis=1).max(initial=0.0))
 
 
 def edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:

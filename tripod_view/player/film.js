@@ -1,0 +1,138 @@
+"use strict";
+// A film: a stage (what there is) and reels (pictures one after the other), see packing.py. Metres, seconds, z up.
+
+const KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array, f8: Float64Array };
+const MISSING = 255; // code of a value of a field that is missing
+const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
+
+async function unpack(text) {
+  const raw = atob(text), bytes = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+  const stream = new Response(bytes).body.pipeThrough(new DecompressionStream("deflate"));
+  const buffer = await new Response(stream).arrayBuffer();
+  return ([kind, first, count]) => new KINDS[kind](buffer, first, count);
+}
+
+class Film {
+  constructor(stage) {
+    this.stage = stage;
+    this.times = [];
+    this.bodies = stage.bodies.map(() => []); // for each picture {low, step, whole}
+    this.fields = stage.bodies.map((body) => body.fields.map(() => [])); // for each picture {low, step, codes}
+    this.arrows = stage.arrows.map(() => []); // for each picture {points, vectors}
+    this.poses = stage.pieces.map(() => []);
+    this.curves = stage.curves.map(() => []);
+    this.events = [];
+  }
+
+  get length() { return this.times.length; }
+  get start() { return this.times[0] || 0; }
+  get end() { return this.times[this.length - 1] || 0; }
+
+  async append(reel) {
+    const read = await unpack(reel.data), times = read(reel.times), k = times.length;
+    this.stage.bodies.forEach((body, b) => {
+      const low = read(reel.bodies[b].low), step = read(reel.bodies[b].step), whole = read(reel.bodies[b].positions);
+      const n = 3 * body.nodes;
+      for (let i = n; i < whole.length; i++) whole[i] += whole[i - n]; // wraps, as it did when it was packed
+      for (let i = 0; i < k; i++) this.bodies[b].push({
+        low: low.subarray(3 * i, 3 * i + 3), step: step.subarray(3 * i, 3 * i + 3), whole: whole.subarray(n * i, n * i + n) });
+      reel.bodies[b].fields.forEach((field, f) => {
+        const codes = read(field.codes), m = body.nodes;
+        for (let i = 0; i < k; i++) this.fields[b][f].push({ low: field.low, step: field.step, codes: codes.subarray(m * i, m * i + m) });
+      });
+    });
+    reel.arrows.forEach((arrow, a) => {
+      const counts = read(arrow.counts), points = read(arrow.points), vectors = read(arrow.vectors);
+      this.stage.arrows[a].longest = Math.max(this.stage.arrows[a].longest, arrow.longest);
+      let first = 0;
+      for (const count of counts) {
+        const [from, to] = [3 * first, 3 * (first + count)];
+        this.arrows[a].push({ points: points.subarray(from, to), vectors: vectors.subarray(from, to) });
+        first += count;
+      }
+    });
+    let moving = 0;
+    this.stage.pieces.forEach((piece, p) => {
+      if (!piece.moves) return;
+      const poses = read(reel.poses[moving++]);
+      for (let i = 0; i < k; i++) this.poses[p].push(poses.subarray(7 * i, 7 * i + 7));
+    });
+    this.stage.curves.forEach((curve, c) => {
+      const values = read(reel.curves[c]), w = curve.names.length;
+      for (let i = 0; i < k; i++) this.curves[c].push(values.subarray(w * i, w * i + w));
+    });
+    this.events.push(...reel.events);
+    for (const t of times) this.times.push(t);
+  }
+
+  // The picture at or before a time, and how far it is to the next, 0 to 1.
+  at(time) {
+    const t = this.times;
+    let low = 0, high = t.length - 1;
+    while (low < high) { const mid = (low + high + 1) >> 1; if (t[mid] <= time) low = mid; else high = mid - 1; }
+    return low + 1 < t.length ? [low, clamp((time - t[low]) / (t[low + 1] - t[low]), 0, 1)] : [low, 0];
+  }
+
+  // Nodes of body b about `origin`, between two pictures.
+  nodes(b, [i, w], origin, out) {
+    const one = this.bodies[b][i], two = w > 0 ? this.bodies[b][i + 1] : one;
+    for (let a = 0; a < 3; a++) {
+      const p = (1 - w) * one.step[a], q = w * two.step[a], o = (1 - w) * one.low[a] + w * two.low[a] - origin[a];
+      for (let j = a; j < out.length; j += 3) out[j] = o + p * one.whole[j] + q * two.whole[j];
+    }
+  }
+
+  // Values of field f of body b in the picture at hand, NaN where one is missing.
+  values(b, f, [i], out) {
+    const { low, step, codes } = this.fields[b][f][i];
+    for (let j = 0; j < out.length; j++) out[j] = codes[j] === MISSING ? NaN : low + step * codes[j];
+  }
+
+  // How far nodes of body b are from where they were in the first picture.
+  displacement(b, moment, out) {
+    const now = new Float64Array(3 * out.length), first = new Float64Array(3 * out.length);
+    this.nodes(b, moment, [0, 0, 0], now);
+    this.nodes(b, [0, 0], [0, 0, 0], first);
+    for (let j = 0; j < out.length; j++)
+      out[j] = Math.hypot(now[3 * j] - first[3 * j], now[3 * j + 1] - first[3 * j + 1], now[3 * j + 2] - first[3 * j + 2]);
+  }
+
+  // Pose of piece p between two pictures, null where it is not there.
+  pose(p, [i, w]) {
+    const one = this.poses[p][i], two = w > 0 ? this.poses[p][i + 1] : one;
+    const sign = one[3] * two[3] + one[4] * two[4] + one[5] * two[5] + one[6] * two[6] < 0 ? -1 : 1;
+    const pose = Array.from(one, (x, j) => (1 - w) * x + w * two[j] * (j < 3 ? 1 : sign));
+    if (!pose.every(Number.isFinite)) return null;
+    const norm = Math.hypot(pose[3], pose[4], pose[5], pose[6]) || 1;
+    for (let j = 3; j < 7; j++) pose[j] /= norm;
+    return pose;
+  }
+
+  // Positions of piece p until the picture at hand, 3 numbers each; without those in which it is not there.
+  path(p, [i]) {
+    return this.poses[p].slice(0, i + 1).filter((pose) => pose.every(Number.isFinite)).flatMap((pose) => [pose[0], pose[1], pose[2]]);
+  }
+
+  // Where the bodies are, for a camera that goes along.
+  middle([i]) {
+    const m = [0, 0, 0];
+    let count = 0;
+    const add = (x, y, z) => { m[0] += x; m[1] += y; m[2] += z; count++; };
+    this.stage.bodies.forEach((body, b) => {
+      if (!body.nodes || !body.seen) return;
+      const { low, step, whole } = this.bodies[b][i], s = [0, 0, 0];
+      for (let j = 0; j < whole.length; j++) s[j % 3] += whole[j];
+      add(...s.map((x, a) => low[a] + step[a] * x / body.nodes));
+    });
+    if (!count) this.poses.forEach((poses) => { if (poses.length && Number.isFinite(poses[i][0])) add(...poses[i].slice(0, 3)); });
+    return count ? m.map((x) => x / count) : this.stage.camera.centre;
+  }
+}
+
+
+// The text that was packed by deflate.
+async function unpackText(text) {
+  const raw = atob(text), bytes = Uint8Array.from(raw, (c) => c.charCodeAt(0));
+  return new Response(new Response(bytes).body.pipeThrough(new DecompressionStream("deflate"))).text();
+}
