@@ -1,6 +1,6 @@
 """What the other benchmarks share: one thread for the numerics, a product that tells how fast the machine is, and load.
 
-Import it before NumPy.
+Import it before NumPy, and before `tests`, which a script finds by it.
 """
 
 import contextlib
@@ -9,9 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np  # noqa: E402 - after the number of threads is set
 
