@@ -4,6 +4,7 @@ import json
 import math
 import shlex
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 REST = 1e-6
@@ -108,7 +109,8 @@ def _next(result: Mapping[str, Any], again: Sequence[str], *, view: bool) -> str
         own = f" --study {shlex.quote(result['study'])}" if result.get("study") else ""
         first = f"a smaller error: {command} --accuracy {figures['finer']}{own}"
     else:
-        first = f"what a step costs: tripod explain {shlex.quote(again[2])}"
+        own = [word for pair in pairwise(again[3:]) if pair[0] == "--set" for word in pair]
+        first = f"what a step costs: {shlex.join(['tripod', 'explain', again[2], *own])}"
     return "; ".join([first, *([] if view else ["see it move: add --view"]), "all values: add --verbose"])
 
 

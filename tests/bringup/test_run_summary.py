@@ -98,6 +98,13 @@ def test_of_a_motion_of_ones_own_the_study_knows_nothing() -> None:
     assert not names(short()["error"], "another")
 
 
+def test_what_a_step_costs_is_asked_with_the_settings_of_the_run() -> None:
+    estimated = {"effector": math.nan, "largest": 1e-4, "node": 3, "added": 0}
+    words = ("--duration", "0.5", "--set", "dt=2ms", "--set", "time_error={}")
+    found = short(*words, figures={"quantity": "tip"}, time_error=estimated)
+    assert_names(found["next"], "tripod explain cloth --set dt=2ms --set 'time_error={}'")
+
+
 def test_a_study_of_ones_own_is_named_and_used_again() -> None:
     found = short(study="studies/cloth.json")
     assert_names(found["error"], "1.3 %", "studies/cloth.json")

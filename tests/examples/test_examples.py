@@ -6,6 +6,7 @@ import runpy
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,43 @@ def test_the_target_is_reached_and_the_example_ends(domain: int) -> None:
         example.kill()
         ik.kill()
         graph.close()
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("homed", [True, False])
+def test_winches_are_homed_and_the_answer_is_told(domain: int, *, homed: bool) -> None:
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from std_srvs.srv import Trigger
+
+    from tripod_graph import names
+
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    space = f"/home_{homed}".lower()
+    node = rclpy.create_node("driver", context=context, namespace=space)
+
+    def answer(_: object, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = homed, "each place is known"
+        return response
+
+    node.create_service(Trigger, names.ROBOT_HOME, answer)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    words = [sys.executable, str(EXAMPLES / "home.py"), "--ros-args", "-r", f"__ns:={space}"]
+    example = subprocess.Popen(
+        words, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        until = time.monotonic() + 60
+        while example.poll() is None and time.monotonic() < until:
+            executor.spin_once(timeout_sec=0.1)
+        assert example.returncode == (0 if homed else 1)
+        assert_names(example.communicate()[0], "each place is known")
+    finally:
+        example.kill()
+        node.destroy_node()
+        context.try_shutdown()
 
 
 def test_the_measured_poses_are_off_by_what_their_first_line_says() -> None:
