@@ -109,8 +109,8 @@ def _next(result: Mapping[str, Any], again: Sequence[str], *, view: bool) -> str
         own = f" --study {shlex.quote(result['study'])}" if result.get("study") else ""
         first = f"a smaller error: {command} --accuracy {figures['finer']}{own}"
     else:
-        own = [word for pair in pairwise(again[3:]) if pair[0] == "--set" for word in pair]
-        first = f"what a step costs: {shlex.join(['tripod', 'explain', again[2], *own])}"
+        sets = [word for pair in pairwise(again[3:]) if pair[0] == "--set" for word in pair]
+        first = f"what a step costs: {shlex.join(['tripod', 'explain', again[2], *sets])}"
     return "; ".join([first, *([] if view else ["see it move: add --view"]), "all values: add --verbose"])
 
 
