@@ -27,7 +27,7 @@ from tripod_sim.elements.element import Element
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.mode_kernels import settle_modes
-from tripod_sim.forces.solid import Solid
+from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import ELASTIC
 from tripod_sim.forces.stress_kernels import ENERGY, GRADIENT, PIOLA, STRESS, VALUES, write_points
 from tripod_sim.materials.laws import SHEAR
@@ -90,10 +90,10 @@ class NodalFields:
         """
         terms = list(terms)
         self._undeformed, self._owners = np.array(undeformed), owners
-        solids = [term for term in terms if isinstance(term, Solid)]
-        self._solids = [_SolidValues(solid) for solid in solids]
+        solids = [(term, term.solid) for term in terms if term.solid is not None]
+        self._solids = [_SolidValues(arrays, term) for term, arrays in solids]
         self._springs = [term.links for term in terms if term.links is not None]
-        self._mean = _volume_mean(solids, len(undeformed)) if solids else None
+        self._mean = _volume_mean([arrays for _, arrays in solids], len(undeformed)) if solids else None
         self.names = tuple(
             name for name, field in FIELDS.items()
             if name == "displacement" or (field.solid and solids) or (field.spring and self._springs)
@@ -154,10 +154,9 @@ class NodalFields:
 class _SolidValues:
     """State of a solid at the nodes of its elements."""
 
-    def __init__(self, solid: Solid) -> None:
-        arrays = solid.solid
+    def __init__(self, arrays: SolidArrays, term: ElasticTerm) -> None:
         self._arrays = arrays._replace(inverse=np.zeros_like(arrays.inverse), y=np.zeros_like(arrays.y))
-        self._modes, self._extrapolation = solid.rest_modes(), extrapolation(solid.kind)
+        self._modes, self._extrapolation = term.rest_modes(), extrapolation(term.kind)
         self._points = np.zeros((*arrays.weight.shape, VALUES))
         force = BALANCED * arrays.p[SHEAR] * arrays.weight.sum(axis=1).mean() ** (2 / 3)
         self._tolerance = float(force**2)
@@ -203,10 +202,10 @@ def _work(values: FloatArray) -> FloatArray:
     return np.asarray((values[..., GRADIENT:PIOLA] * values[..., PIOLA:ENERGY]).sum(axis=-1))
 
 
-def _volume_mean(solids: Sequence[Solid], count: int) -> Callable[[FloatArray], FloatArray]:
+def _volume_mean(solids: Sequence[SolidArrays], count: int) -> Callable[[FloatArray], FloatArray]:
     """Return what takes values at the nodes of each element, (p, c), to their means at `count` nodes, (n, c)."""
     nodes = np.concatenate([solid.elements.ravel() for solid in solids])
-    volume = np.concatenate([np.repeat(s.solid.weight.sum(axis=1), s.elements.shape[1]) for s in solids])
+    volume = np.concatenate([np.repeat(s.weight.sum(axis=1), s.elements.shape[1]) for s in solids])
     total = np.bincount(nodes, volume, count)
     shares = csr_matrix((volume / total[nodes], (nodes, np.arange(len(nodes)))), (count, len(nodes)))
     nowhere = total == 0.0

@@ -125,6 +125,19 @@ def coloured(values: np.ndarray, limits: tuple[float, float] | None = None, *, s
     return replace(film(), bodies=(replace(sheet(), fields=(field,)),), colouring=Colouring("heat", limits))
 
 
+def test_values_of_a_field_come_back_within_half_a_step() -> None:
+    made = coloured(RNG.normal(size=(4, 36)))
+    made.bodies[0].fields[0].values[1, 5] = np.nan
+    reeled = reel(made)
+    entry = reeled["bodies"][0]["fields"][0]
+    codes = np.cumsum(unpacked(reeled)(entry["codes"]).reshape(4, 36), axis=0, dtype=np.uint8)  # wraps
+    values = made.bodies[0].fields[0].values
+    assert (codes == 255).sum() == 1
+    assert codes[1, 5] == 255
+    known = codes < 255
+    assert (np.abs(entry["low"] + entry["step"] * codes - values)[known] <= 0.501 * entry["step"]).all()
+
+
 def test_colours_have_the_limits_of_the_whole_film_unless_told() -> None:
     values = np.array([[1.0], [np.nan], [-3.0], [2.0]])
     assert stage(coloured(values))["colouring"] == {"name": "heat", "limits": (-3.0, 2.0)}

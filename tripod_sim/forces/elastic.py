@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.elements.element import Element
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products
 
@@ -35,6 +36,7 @@ class ElasticTerm:
             one.
         lasting: Whether the Hessian of one step is near that of the next, so that a factorisation may serve both.
         solid: What compiled loops need of elements; the arrays are the term's own.
+        kind: Of these elements; of a term that has `solid`.
         links: The same of springs; explicit schemes refuse a term that has neither.
     """
 
@@ -46,6 +48,7 @@ class ElasticTerm:
     remembers = 0
     lasting = True
     solid: "SolidArrays | None" = None
+    kind: Element
     links: "Links | None" = None
 
     def rest_modes(self) -> FloatArray:

@@ -38,7 +38,6 @@ class Solid(ElasticTerm):
 
     Attributes:
         elements: Node indices, shape (m, nodes of an element).
-        kind: Of the elements.
         matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, d, d), d = 3 nodes of an element.
         mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
         numbers: Of the elements in their mesh, for messages, shape (m,).

@@ -39,6 +39,7 @@ class Film {
         low: low.subarray(3 * i, 3 * i + 3), step: step.subarray(3 * i, 3 * i + 3), whole: whole.subarray(n * i, n * i + n) });
       reel.bodies[b].fields.forEach((field, f) => {
         const codes = read(field.codes), m = body.nodes;
+        for (let i = m; i < codes.length; i++) codes[i] += codes[i - m]; // wraps
         for (let i = 0; i < k; i++) this.fields[b][f].push({ low: field.low, step: field.step, codes: codes.subarray(m * i, m * i + m) });
       });
     });

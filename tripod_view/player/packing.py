@@ -145,7 +145,7 @@ def _colouring(film: Film) -> dict[str, Any] | None:
 
 
 def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
-    """Return the values of a field as codes 0 to `CODES` of their range, and where the player finds them."""
+    """Return where the player finds a field: codes 0 to `CODES` of its range, as differences to the picture before."""
     finite = np.isfinite(values)
     low, high = (
         (float(end) for end in (values[finite].min(), values[finite].max())) if finite.any() else (0.0, 0.0)
@@ -153,6 +153,7 @@ def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
     step = (high - low) / CODES
     codes = np.full(values.shape, CODES + 1, np.uint8)
     codes[finite] = np.rint((values[finite] - low) / step).astype(np.uint8) if step > 0 else 0
+    codes[1:] -= codes[:-1].copy()  # wraps, as it does in the player
     return {"low": low, "step": step, "codes": packer.add(codes, "u1")}
 
 
