@@ -131,6 +131,15 @@ def test_both_of_two_bodies_that_touch_have_a_force() -> None:
     assert groups(simulation)["weight"].vectors[:, 2].tolist() == pytest.approx([-weight] * 3)
 
 
+def test_a_rolling_body_is_touched_on_its_surface() -> None:
+    simulation = kept("bounce", "rigid.0.position=[0,0,0.05011]", "contact.restitution=0")
+    for _ in range(40):
+        simulation.step()
+    normal = groups(simulation)["normal force"]
+    assert normal.vectors == pytest.approx(np.array([[0, 0, 0.2 * G]]), rel=1e-3, abs=1e-6)
+    assert normal.points == pytest.approx(simulation.rigid[0].position[None] - [0, 0, 0.05], abs=1e-9)
+
+
 def test_the_ball_in_the_maze_lies_on_its_floor() -> None:
     simulation = kept("maze", "mesh.level=1", "motion=off")
     for _ in range(60):
