@@ -102,6 +102,13 @@ def test_a_prescribed_plane_is_held_along_its_axis_alone(tmp_path: Path) -> None
     assert not moved[1:].any()
 
 
+def test_a_plane_of_symmetry_beside_a_clamp_is_a_patch_of_its_own(tmp_path: Path) -> None:
+    words = 'fixed=[{set="root"}, {low=[-1,-1,-1], high=[1,0,1], axes="y"}]'
+    reaction = groups(at_rest(finger(tmp_path), words, "gravity={}"))["reaction"]
+    assert len(reaction.points) == 2
+    assert np.count_nonzero(reaction.vectors[:, 2]) == 1
+
+
 @pytest.mark.parametrize("response", ["lagrange", "penalty"])
 def test_friction_on_the_incline_is_the_part_of_the_weight_along_it(response: str) -> None:
     simulation = kept("incline", "contact.friction=0.5", f"contact.response={response}")
