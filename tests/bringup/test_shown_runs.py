@@ -141,6 +141,18 @@ def test_the_files_are_in_the_json(tmp_path: Path) -> None:
     assert result["written"] == [{"file": str(page), "bytes": page.stat().st_size}]
 
 
+def test_forces_are_in_page_and_file_and_need_one_of_them(tmp_path: Path) -> None:
+    page, again, out = (tmp_path / name for name in ("run.html", "again.html", "run.npz"))
+    result = tripod(*SHORT, "--forces", "--html", str(page), "--out", str(out))
+    assert result.exit_code == 0, result.output
+    assert_names(page.read_text(), "reaction moment", "weight")
+    assert tripod("show", str(out), "--html", str(again)).exit_code == 0
+    assert again.read_bytes() == page.read_bytes()
+    refused = tripod(*SHORT, "--forces", "--plot", str(tmp_path / "run.png"))
+    assert refused.exit_code == 2
+    assert_names(line_naming(refused.stderr, "--forces"), "--view", "--html", "--gif", "--mp4", "--out")
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [

@@ -102,6 +102,13 @@ def test_a_prescribed_plane_is_held_along_its_axis_alone(tmp_path: Path) -> None
     assert not moved[1:].any()
 
 
+def test_a_plane_of_symmetry_beside_a_clamp_is_a_patch_of_its_own(tmp_path: Path) -> None:
+    words = 'fixed=[{set="root"}, {low=[-1,-1,-1], high=[1,0,1], axes="y"}]'
+    reaction = groups(at_rest(finger(tmp_path), words, "gravity={}"))["reaction"]
+    assert len(reaction.points) == 2
+    assert np.count_nonzero(reaction.vectors[:, 2]) == 1
+
+
 @pytest.mark.parametrize("response", ["lagrange", "penalty"])
 def test_friction_on_the_incline_is_the_part_of_the_weight_along_it(response: str) -> None:
     simulation = kept("incline", "contact.friction=0.5", f"contact.response={response}")
@@ -129,6 +136,15 @@ def test_both_of_two_bodies_that_touch_have_a_force() -> None:
     assert normal.vectors[up, 2].sum() == pytest.approx(6 * weight, rel=1e-3)
     assert normal.vectors[~up, 2].sum() == pytest.approx(-3 * weight, rel=1e-3)
     assert groups(simulation)["weight"].vectors[:, 2].tolist() == pytest.approx([-weight] * 3)
+
+
+def test_a_rolling_body_is_touched_on_its_surface() -> None:
+    simulation = kept("bounce", "rigid.0.position=[0,0,0.05011]", "contact.restitution=0")
+    for _ in range(40):
+        simulation.step()
+    normal = groups(simulation)["normal force"]
+    assert normal.vectors == pytest.approx(np.array([[0, 0, 0.2 * G]]), rel=1e-3, abs=1e-6)
+    assert normal.points == pytest.approx(simulation.rigid[0].position[None] - [0, 0, 0.05], abs=1e-9)
 
 
 def test_the_ball_in_the_maze_lies_on_its_floor() -> None:

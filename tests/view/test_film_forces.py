@@ -87,6 +87,7 @@ def test_a_file_of_a_run_with_cables_is_shown(tmp_path: Path) -> None:
         {"force_counts": np.zeros((2, 3), int)},
         {"force_names": np.array(["weight"])},
         {"force_vectors": np.zeros((1, 3))},
+        {"force_points": np.zeros((1, 3)), "force_vectors": np.zeros((1, 3))},
     ],
 )
 def test_arrays_of_forces_that_do_not_fit_are_named(
