@@ -22,6 +22,10 @@ Colour = Annotated[
 ]
 
 
+USUAL = ("displacement", "von_mises", "tension")
+"""What a page in a file offers unless `--colour` asks for all: each field adds about 5 % to it."""
+
+
 class ColourError(Exception):
     """A colouring that cannot be; the message says what is possible."""
 
@@ -56,13 +60,16 @@ def chosen_colour(text: str | None) -> "tuple[str, tuple[float, float] | None] |
     return name, (low, high)
 
 
-def colours_of(fields: "NodalFields", text: str | None, *, every: bool) -> Colours:
+def colours_of(
+    fields: "NodalFields", text: str | None, *, page: bool = False, every: bool = False
+) -> Colours:
     """Return the colours of a film.
 
     Args:
         fields: Of the bodies that it shows.
         text: What `--colour` says.
-        every: Whether all fields can be chosen; else the film has the one of `text` alone.
+        page: Whether others than that of `text` can be chosen: all with it, the `USUAL` without.
+        every: Whether all can be chosen in either case.
 
     Raises:
         ColourError: there is no such field, or the bodies do not have it.
@@ -77,7 +84,11 @@ def colours_of(fields: "NodalFields", text: str | None, *, every: bool) -> Colou
     except SceneError as error:
         raise ColourError(f"--colour: {error}") from None
     colouring = Colouring(FIELDS[chosen[0]].label, chosen[1]) if chosen else None
-    return Colours(_film_fields(fields, fields.names if every else names), colouring)
+    if every or (page and chosen):
+        names = fields.names
+    elif page:
+        names = tuple(name for name in fields.names if name in USUAL)
+    return Colours(_film_fields(fields, names), colouring)
 
 
 def colours_of_recording(arrays: Mapping[str, Any], text: str | None) -> Colours:
@@ -100,7 +111,7 @@ def colours_of_recording(arrays: Mapping[str, Any], text: str | None) -> Colours
             f"--colour: the scene of the run now has {shape[0]} nodes, and its positions have not: a mesh file has "
             "changed since; leave out --colour"
         )
-    return colours_of(simulation.fields(), text, every=True)
+    return colours_of(simulation.fields(), text, page=True)
 
 
 def _film_fields(nodal: "NodalFields", names: tuple[str, ...]) -> "Fields | None":

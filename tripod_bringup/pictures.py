@@ -158,7 +158,7 @@ class ShownRun:
         page = self._view or self._pictures.html is not None
         if page or self._colour is not None:
             try:
-                self._colours = colours_of(recording.fields(), self._colour, every=page)
+                self._colours = colours_of(recording.fields(), self._colour, page=page, every=self._view)
             except ColourError as error:
                 raise PictureError(str(error)) from None
         stop.before(self._save)
