@@ -141,7 +141,7 @@ class BallOnPlate:
         description: Numbers of the ball.
         obstacles: What stands on the plate.
         reaction: Impulses of the ball on the plate in the last step [N s], their moment about the plate's centre
-            [N m s], and what of them is along the normals [N s], shape (3, 3).
+            [N m s], and the sum of normal impulses on the ball [N s], shape (3, 3).
     """
 
     def __init__(self, description: Ball, obstacles: Obstacles, gravity: FloatArray) -> None:

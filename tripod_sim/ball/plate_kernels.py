@@ -204,12 +204,8 @@ def react(
     part: float,
     arm: Array,
 ) -> None:
-    """Add the impulses on the plate to `reaction`: sum [N s], moment about its centre [N m s], sum of what of them is
-    along the normals [N s], shape (3, 3).
-    """
+    """Add the impulses on the plate to `reaction`: sum [N s], moment about its centre [N m s], (2, 3)."""
     for i in range(count):
-        n, P = normals[i], impulses[i]
-        along = (P[0] * n[0] + P[1] * n[1] + P[2] * n[2]) / (n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
         rotate(pose[3:], q, arm)
         for a in range(3):
             arm[a] -= radius * normals[i, a]
@@ -217,7 +213,16 @@ def react(
             b, c = (a + 1) % 3, (a + 2) % 3
             reaction[0, a] -= part * impulses[i, a]
             reaction[1, a] -= part * (arm[b] * impulses[i, c] - arm[c] * impulses[i, b] + couples[i, a])
-            reaction[2, a] -= part * along * n[a]
+
+
+@njit(cache=True, error_model="numpy")
+def press(pressed: Array, count: int, normals: Array, impulses: Array, part: float) -> None:
+    """Add what of the impulses is along the normals to `pressed` [N s], shape (3,)."""
+    for i in range(count):
+        n, P = normals[i], impulses[i]
+        along = (P[0] * n[0] + P[1] * n[1] + P[2] * n[2]) / (n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        for a in range(3):
+            pressed[a] += part * along * n[a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -264,7 +269,7 @@ def advance(
         numbers: Of the ball, see `MASS` and the following.
         o: What stands on the plate.
         ledger: Sums over the whole run, see `WORK` and the following, changed.
-        reaction: See `react`, shape (3, 3), written.
+        reaction: As `react` and, in the last row, `press` add to, shape (3, 3), written.
         rows, cells: From `workspace`.
     """  # fmt: skip
     C = MOST_CONTACTS + 2
@@ -322,6 +327,7 @@ def advance(
                     bounds[:count] = 0.0
                 book(ledger, work[0], work[1])
                 react(reaction, count, pose0, q, normals, impulses, couples, radius, 1.0, arm)
+                press(reaction[2], count, normals, impulses, 1.0)
                 ledger[IMPACTS] += 1
                 ledger[HARDEST] = max(ledger[HARDEST], -hardest)
             # what stays in contact comes first in `flat`
@@ -412,6 +418,7 @@ def advance(
             )  # fmt: skip
             book(ledger, work[0], work[1])
             react(reaction, kept, pose0, q, middle, impulses, couples, radius, s, arm)
+            press(reaction[2], kept, middle, impulses, s)
             for a in range(3):
                 arm[a] = 0.5 * (w0[a] + w[a])
             turn(quaternion, arm, s * tau)

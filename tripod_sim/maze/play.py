@@ -104,7 +104,7 @@ class MazeBall:
         motion.twist[:] = self._twist(state, dt)
         self.ball.advance(ball, motion, state.time - dt, dt)
         force, moment, along = self.ball.reaction / dt
-        self._pressed[:] = -along, along - force
+        self._pressed[:] = along, -force - along
         arm = motion.centre[0] - state.centres[0]
         wrench = np.array([force, moment + skew(arm) @ force])
         share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
