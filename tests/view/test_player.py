@@ -75,16 +75,27 @@ def test_a_rigid_body_is_called_by_its_shape() -> None:
     assert _rigid_names({"rigid": [{"shape": "ball"}, {}, {}]})[:3] == ("ball", "box 1", "box 2")
 
 
+def rough(packed: np.ndarray) -> np.ndarray:
+    """As `film.js` does, of 4 pictures."""
+    low, high = packed.astype(np.uint16).reshape(2, 4, -1)
+    folded = low | (high << 8)
+    found = (folded >> 1) ^ (0 - (folded & 1)).astype(np.uint16)
+    for first in (2, 1):
+        for k in range(first, 4):
+            found[k] += found[k - 1]
+    return found
+
+
 def test_positions_come_back_within_half_a_step_of_their_box() -> None:
     made = film()
     reeled = reel(made)
     read = unpacked(reeled)
     entry = reeled["bodies"][0]
     low, step = read(entry["low"]).reshape(4, 1, 3), read(entry["step"]).reshape(4, 1, 3)
-    whole = np.cumsum(read(entry["positions"]).reshape(4, -1, 3), axis=0, dtype=np.uint16)  # wraps
+    whole = rough(read(entry["positions"])).reshape(4, -1, 3)
     positions = made.bodies[0].positions
     assert (np.abs(low + step * whole - positions) <= 0.5 * step + 1e-12).all()
-    assert step.max() < 0.1 / 65000
+    assert step.max() < 0.1 / 16000
     assert read(reeled["times"]).tolist() == TIMES.tolist()
     np.testing.assert_array_equal(read(reeled["poses"][0]).reshape(4, 7), made.pieces[1].poses)
     np.testing.assert_array_equal(read(reeled["curves"][0])[::2], TIMES)

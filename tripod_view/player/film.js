@@ -13,6 +13,18 @@ async function unpack(text) {
   return ([kind, first, count]) => new KINDS[kind](buffer, first, count);
 }
 
+// Whole numbers of n places in each picture, from what `_smooth` of packing.py made of them.
+function rough(bytes, n) {
+  const count = bytes.length / 2, out = new Uint16Array(count);
+  for (let i = 0; i < count; i++) {
+    const folded = bytes[i] | bytes[count + i] << 8;
+    out[i] = folded >> 1 ^ -(folded & 1);
+  }
+  for (let i = 2 * n; i < count; i++) out[i] += out[i - n]; // wraps
+  for (let i = n; i < count; i++) out[i] += out[i - n];
+  return out;
+}
+
 class Film {
   constructor(stage) {
     this.stage = stage;
@@ -32,9 +44,8 @@ class Film {
   async append(reel) {
     const read = await unpack(reel.data), times = read(reel.times), k = times.length;
     this.stage.bodies.forEach((body, b) => {
-      const low = read(reel.bodies[b].low), step = read(reel.bodies[b].step), whole = read(reel.bodies[b].positions);
-      const n = 3 * body.nodes;
-      for (let i = n; i < whole.length; i++) whole[i] += whole[i - n]; // wraps, as it did when it was packed
+      const low = read(reel.bodies[b].low), step = read(reel.bodies[b].step), n = 3 * body.nodes;
+      const whole = rough(read(reel.bodies[b].positions), n);
       for (let i = 0; i < k; i++) this.bodies[b].push({
         low: low.subarray(3 * i, 3 * i + 3), step: step.subarray(3 * i, 3 * i + 3), whole: whole.subarray(n * i, n * i + n) });
       reel.bodies[b].fields.forEach((field, f) => {

@@ -18,7 +18,7 @@ KINDS = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
 CODES = 254
 """Into which the range of a field in some pictures is divided; 255 is the code of a value that is missing."""
 
-STEPS = 65535
+STEPS = 16383
 """Into which the box about a body is divided in each picture: positions are right to half of one."""
 
 
@@ -107,12 +107,11 @@ def reel(film: Film) -> dict[str, Any]:
         whole = np.rint((body.positions - low[:, None]) / np.where(step > 0, step, 1.0)[:, None]).astype(
             np.uint16
         )
-        whole[1:] -= whole[:-1].copy()  # wraps, as it does in the player
         bodies.append(
             {
                 "low": packer.add(low, "f8"),
                 "step": packer.add(step, "f8"),
-                "positions": packer.add(whole, "u2"),
+                "positions": packer.add(_smooth(whole), "u1"),
                 "fields": [_coded(packer, field.values) for field in body.fields],
             }
         )
@@ -142,6 +141,19 @@ def _colouring(film: Film) -> dict[str, Any] | None:
         return None
     limits = chosen.limits or (film.limits(chosen.name) if len(film.times) > 1 else None)
     return {"name": chosen.name, "limits": limits if limits and limits[0] < limits[1] else None}
+
+
+def _smooth(whole: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Return whole numbers of each picture, shape (k, ...), so that those of a smooth motion are packed well.
+
+    They are second differences in time, the signs in the lowest bits, all low bytes before all high ones. Sums wrap.
+    """
+    found = whole.copy()
+    for first in (1, 2):
+        found[first:] -= found[first - 1 : -1].copy()
+    signed = found.view(np.int16)
+    folded = ((signed << 1) ^ (signed >> 15)).view(np.uint16)
+    return np.concatenate([(folded & 255).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
 
 
 def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
