@@ -184,7 +184,10 @@ class LiveView extends View {
       control.attach(node.group);
       this.scene.add(control.getHelper());
       control.addEventListener("change", () => this.changed());
-      control.addEventListener("axis-changed", ({ value: axis }) => { if (!control.dragging) this.controls.enabled = !axis; });
+      control.addEventListener("axis-changed", ({ value: axis }) => {
+        if (!control.dragging) this.controls.enabled = !axis;
+        this.canvas.style.cursor = axis ? "move" : "";
+      });
       control.addEventListener("dragging-changed", ({ value: dragging }) => {
         node.dragged = dragging;
         this.controls.enabled = !dragging;
@@ -272,7 +275,7 @@ class LiveView extends View {
       at.setFromMatrixPosition(group.matrixWorld).project(this.camera);
       const seen = at.z < 1 && this.isSeen(group);
       label.style.display = seen ? "" : "none";
-      if (seen) label.style.transform = `translate(${0.5 * w * (1 + at.x)}px, ${0.5 * h * (1 - at.y)}px) translate(-50%, -50%)`;
+      if (seen) label.style.transform = `translate(${0.5 * w * (1 + at.x)}px, ${0.5 * h * (1 - at.y)}px) translate(-50%, -130%)`;
     }
   }
 }
