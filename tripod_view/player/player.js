@@ -139,7 +139,7 @@ async function main() {
     path: () => { showPath = !showPath; pressed("path", showPath); },
     shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`, ...colours.words])),
     panel: () => { byId("panels").hidden = !byId("panels").hidden; pressed("panel", !byId("panels").hidden); },
-    help: toggleSheet,
+    help: () => toggleSheet(true),
   });
   const keys = { home: "r", fit: "f", top: "t", front: "w", side: "s", below: "b", lines: "l", path: "c", shot: "p", panel: "h", help: "?" };
   addTools(byId("camera-tools"), cameras, keys);

@@ -349,7 +349,7 @@ function tools(view, redraw) {
       save(`${name}.png`, await view.screenshot(BACKGROUND, [time === undefined ? name : `${name}, ${time.toFixed(2)} s`]));
     },
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),
-    help: toggleSheet,
+    help: () => toggleSheet(false), // STOP works on
   });
   const keys = { home: "r", fit: "f", front: "w", side: "s", lines: "l", aside: "h", help: "?" };
   addTools(byId("camera-tools"), cameras, keys);

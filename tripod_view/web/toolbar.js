@@ -54,10 +54,10 @@ function cameraActions(view) {
   };
 }
 
-// Opens or closes the sheet of keys.
-function toggleSheet() {
+// Opens or closes the sheet of keys; `modal`: the rest of the page cannot be used meanwhile.
+function toggleSheet(modal) {
   const sheet = byId("sheet");
-  if (sheet.open) sheet.close(); else sheet.showModal();
+  if (sheet.open) sheet.close(); else if (modal) sheet.showModal(); else sheet.show();
 }
 
 // Lets `bar` be dragged: `sized` gets the width that is right of it [px].
