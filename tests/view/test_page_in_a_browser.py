@@ -462,3 +462,106 @@ def test_a_page_that_lost_its_node_says_so_and_comes_back(stage: Stage, browser:
         opened.page.keyboard.press(" ")  # its channel is cut
         opened.wait("document.body.classList.contains('lost')")
         opened.wait("!document.body.classList.contains('lost')")
+
+
+def place(opened: Opened, label: str) -> list[float]:
+    """Return where a label is over the picture [px]."""
+    opened.wait(f"[...document.querySelectorAll('#labels span')].some((e) => e.textContent === '{label}' && e.offsetParent)")
+    return opened.page.evaluate(
+        """(text) => {
+            const found = [...document.querySelectorAll("#labels span")].find((e) => e.textContent === text);
+            const box = found.getBoundingClientRect();
+            return [box.left, box.top];
+        }""",
+        label,
+    )
+
+
+def test_a_camera_that_somebody_moved_stays_where_bodies_leave_the_picture(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    nodes, triangles = stage.sim.body
+    with Opened(browser, stage, "screen") as opened:
+        first = place(opened, "servo 0")
+        opened.press("Top")
+        stage.wait(lambda: place(opened, "servo 0") != first)
+        top, axis = place(opened, "servo 0"), place(opened, "x")
+        stage.sim.body = nodes - [0, 0, 0.4], triangles
+        stage.wait(lambda: place(opened, "x") != axis)  # the axes are laid anew
+        assert place(opened, "servo 0") == top
+        opened.press("Reset view")
+        stage.wait(lambda: place(opened, "servo 0") not in (first, top))
+        far = place(opened, "servo 0")
+        stage.sim.body = nodes - [0, 0, 0.8], triangles
+        stage.wait(lambda: place(opened, "servo 0") != far)  # followed again
+        stage.sim.body = nodes, triangles
+        assert opened.errors == []
+
+
+def test_the_target_is_dragged_by_its_handle(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        opened.press("Just watch", "Bring target to effector", "Top")
+        stage.sim.targets.clear()
+        page, box = opened.page, stage_box(opened)
+        middle = [0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])]
+        shift = next(s for s in range(20, 200, 6) if is_handle(opened, middle[0] + s, middle[1]))
+        still = place(opened, "servo 0")
+        page.mouse.move(middle[0] + shift, middle[1])
+        page.mouse.down()
+        page.mouse.move(middle[0] + shift + 30, middle[1], steps=5)
+        stage.wait(lambda: any(t.pose.position.x > 0.003 for t in stage.sim.targets))
+        page.mouse.up()
+        last = stage.sim.targets[-1].pose.position
+        assert (abs(last.y) < 1e-6, last.x <= 0.02) == (True, True)  # along its axis, within the box
+        assert place(opened, "servo 0") == still  # the camera was not turned
+        assert opened.errors == []
+
+
+def stage_box(opened: Opened) -> list[float]:
+    """Return left, top, right and bottom of the picture [px]."""
+    script = "(({ left, top, right, bottom }) => [left, top, right, bottom])(document.querySelector('#stage').getBoundingClientRect())"
+    return opened.page.evaluate(script)
+
+
+def is_handle(opened: Opened, x: float, y: float) -> bool:
+    """Return whether the pointer over a place of the picture would take the handle."""
+    opened.page.mouse.move(x, y)
+    opened.page.wait_for_timeout(30)
+    return bool(opened.page.evaluate("document.querySelector('#picture').style.cursor === 'move'"))
+
+
+def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.002)
+    with Opened(browser, stage, "screen") as opened:
+        page = opened.page
+        opened.press("Just watch")
+        wide = stage_box(opened)[2]
+        page.keyboard.press("h")
+        opened.wait(f"document.querySelector('#stage').getBoundingClientRect().right > {wide} + 100")
+        assert not page.locator("#panel").is_visible()
+        assert page.locator("#stop").is_visible()
+        page.keyboard.press("h")
+        opened.wait("document.querySelector('#panel').checkVisibility()")
+        bar = page.locator("#split").bounding_box()
+        page.mouse.move(bar["x"] + 3, bar["y"] + 100)
+        page.mouse.down()
+        page.mouse.move(bar["x"] - 97, bar["y"] + 100, steps=3)
+        page.mouse.up()
+        assert abs(stage_box(opened)[2] - (wide - 100)) < 5
+        with page.expect_download() as download:
+            opened.press("Save picture")
+        assert download.value.suggested_filename == "maze.png"
+        page.keyboard.press("?")
+        opened.wait("document.querySelector('#sheet').open")
+        page.locator("#stop").click()  # works also now
+        stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
+        page.keyboard.press("?")
+        opened.wait("!document.querySelector('#sheet').open")
+        stage.wait(lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or page.locator("#follow option").count() == 3)
+        page.locator("#follow").select_option(label="follow ball")
+        before = place(opened, "servo 0")
+        stage.sim.publish_ball(0.03, -0.02, 0.03)
+        stage.wait(lambda: place(opened, "servo 0") != before)
+        assert opened.errors == []
+    stage.sim.publish_game(False)
