@@ -30,7 +30,9 @@ class DrawnCable:
         """`number`: by which it is named; `extent`: of the bodies [m]."""
         self.route, self._extent, self._slack, self._nodes = route, extent, slack, surface.nodes
         triangles = tube_triangles(len(route.fixed))
-        self.node = drawing.mesh(f"/cables/{number}", self._tube(), triangles, self._colour, deforms=True, through=True)
+        self.node = drawing.mesh(
+            f"/cables/{number}", self._tube(), triangles, self._colour, deforms=True, through=True
+        )
 
     @property
     def _colour(self) -> Rgb:

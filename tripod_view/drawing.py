@@ -25,7 +25,7 @@ NUMBERS = {"vertices": np.float32, "triangles": np.uint32}
 
 @dataclass(frozen=True)
 class Aim:
-    """What the camera shows: a sphere of `radius` about `centre` [m], from angles [degrees]; the ground at `floor` [m]."""
+    """What the camera shows: a sphere of `radius` about `centre` [m], from angles [degrees]; the height `floor` [m]."""
 
     centre: tuple[float, float, float]
     radius: float
@@ -138,7 +138,9 @@ class Drawing:
         with self.lock:
             if self._nodes.get(node.path) is node:
                 below = node.path + "/"
-                self._nodes = {p: n for p, n in self._nodes.items() if p != node.path and not p.startswith(below)}
+                self._nodes = {
+                    p: n for p, n in self._nodes.items() if p != node.path and not p.startswith(below)
+                }
                 self._gone = self.version
 
     def aim(self, aim: Aim, *, fit: bool) -> None:
@@ -149,9 +151,9 @@ class Drawing:
                 self._fitted = self.version
 
     def changes(self, seen: int) -> tuple[bytes, int]:
-        """Return what a browser needs that has seen version `seen` (0: nothing yet), empty for nothing, and the version.
+        """Return what a browser needs that has seen version `seen`, 0 for nothing yet, and the version then.
 
-        The length of a JSON head (uint32), the head, arrays. The head has `nodes`
+        Empty bytes: nothing changed. Else the length of a JSON head (uint32), the head, arrays. The head has `nodes`
         (number and changed properties; with `kind` for a new one; an array as first byte and count of numbers),
         `alive` (the numbers of all nodes) if one was removed, and `camera` if it is to be aimed.
         """

@@ -7,7 +7,15 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand, arm_pose, carriage_pose
 from tripod_view.drawing import Drawing, Node
-from tripod_view.player.robot import BASE, BODY_SIZE, EFFECTOR, SERVO_BODY, SERVO_COLOURS, arm_shape, rail_shape
+from tripod_view.player.robot import (
+    BASE,
+    BODY_SIZE,
+    EFFECTOR,
+    SERVO_BODY,
+    SERVO_COLOURS,
+    arm_shape,
+    rail_shape,
+)
 from tripod_view.player.shapes import ball, box, disc, joined
 from tripod_view.pose import Pose
 

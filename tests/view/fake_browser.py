@@ -1,4 +1,4 @@
-"""A browser without a screen: speaks the protocols of the scene and of the panel, and so may send what no page would."""
+"""A browser without a screen: speaks the protocols of scene and panel, and so may send what no page would."""
 
 import contextlib
 import json

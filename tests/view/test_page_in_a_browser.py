@@ -466,7 +466,9 @@ def test_a_page_that_lost_its_node_says_so_and_comes_back(stage: Stage, browser:
 
 def place(opened: Opened, label: str) -> list[float]:
     """Return where a label is over the picture [px]."""
-    opened.wait(f"[...document.querySelectorAll('#labels span')].some((e) => e.textContent === '{label}' && e.offsetParent)")
+    opened.wait(
+        f"[...document.querySelectorAll('#labels span')].some((e) => e.textContent === '{label}' && e.offsetParent)"
+    )
     return opened.page.evaluate(
         """(text) => {
             const found = [...document.querySelectorAll("#labels span")].find((e) => e.textContent === text);
@@ -477,7 +479,9 @@ def place(opened: Opened, label: str) -> list[float]:
     )
 
 
-def test_a_camera_that_somebody_moved_stays_where_bodies_leave_the_picture(stage: Stage, browser: Any) -> None:
+def test_a_camera_that_somebody_moved_stays_where_bodies_leave_the_picture(
+    stage: Stage, browser: Any
+) -> None:
     show(stage.sim, "tripod")
     nodes, triangles = stage.sim.body
     with Opened(browser, stage, "screen") as opened:
@@ -519,8 +523,8 @@ def test_the_target_is_dragged_by_its_handle(stage: Stage, browser: Any) -> None
 
 def stage_box(opened: Opened) -> list[float]:
     """Return left, top, right and bottom of the picture [px]."""
-    script = "(({ left, top, right, bottom }) => [left, top, right, bottom])(document.querySelector('#stage').getBoundingClientRect())"
-    return opened.page.evaluate(script)
+    box = opened.page.locator("#stage").bounding_box()
+    return [box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]]
 
 
 def is_handle(opened: Opened, x: float, y: float) -> bool:
@@ -558,7 +562,9 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
         stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
         page.keyboard.press("?")
         opened.wait("!document.querySelector('#sheet').open")
-        stage.wait(lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or page.locator("#follow option").count() == 3)
+        stage.wait(
+            lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or page.locator("#follow option").count() == 3
+        )
         page.locator("#follow").select_option(label="follow ball")
         before = place(opened, "servo 0")
         stage.sim.publish_ball(0.03, -0.02, 0.03)

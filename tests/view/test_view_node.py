@@ -147,7 +147,9 @@ def test_what_leaves_the_picture_is_followed_where_nobody_has_moved_the_camera(
     before = browser.wait(lambda: browser.cameras(fit=True))
     radius = before[-1]["radius"]
     stage.sim.body = nodes - [0, 0, 0.4], triangles
-    browser.wait(lambda: browser.cameras(fit=False) and browser.cameras(fit=False)[-1]["radius"] > 1.5 * radius)
+    browser.wait(
+        lambda: browser.cameras(fit=False) and browser.cameras(fit=False)[-1]["radius"] > 1.5 * radius
+    )
     stage.sim.body = nodes, triangles
     assert browser.cameras(fit=True) == before
 
@@ -195,7 +197,9 @@ def test_maze_and_ball_come_and_go_with_the_simulator(stage: Stage, browser: Fak
     assert not browser.node("/effector/maze")
     stage.sim.publish_game(True, 0.002)
     browser.wait(lambda: browser.node("/effector/maze") and browser.node("/ball/0"))
-    assert browser.node("/effector/maze")["parent"] == browser.node("/effector")["number"]  # so that it rides on it
+    assert (
+        browser.node("/effector/maze")["parent"] == browser.node("/effector")["number"]
+    )  # so that it rides on it
     radius = np.linalg.norm(browser.node("/ball/0")["vertices"], axis=1).max()
     assert radius == pytest.approx(0.002, rel=0.01)
     assert not browser.node("/ball")["visible"]  # nobody has said where it is
@@ -513,7 +517,9 @@ def test_what_falls_away_from_the_others_is_left_out_and_told(stage: Stage, brow
     stage.sim.body = nodes - one[:, None] * [0, 0, 50.0], triangles
     browser.wait(lambda: lines_naming(browser.text(), "out of sight", "body", "far away"))
     browser.wait(lambda: [browser.node(f"/bodies/{i}")["fits"] for i in range(2)] == [False, True])
-    assert max(camera["radius"] for camera in browser.cameras(fit=False)[-1:] or [{"radius": near}]) < 2 * near
+    assert (
+        max(camera["radius"] for camera in browser.cameras(fit=False)[-1:] or [{"radius": near}]) < 2 * near
+    )
     stage.sim.body = nodes, triangles
     browser.wait(lambda: browser.value("notice") == [] and browser.node("/bodies/0")["fits"])
 

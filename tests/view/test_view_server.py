@@ -6,16 +6,15 @@ import socket
 from pathlib import Path
 
 import pytest
-
 from websockets.exceptions import InvalidStatus
 
 from tests.messages import assert_names, raises_naming
 from tests.view.fake_browser import FakeBrowser
 from tripod_view import server as server_module
 from tripod_view.channel import Channel
+from tripod_view.drawing import Drawing
 from tripod_view.events import Inbox
 from tripod_view.gate import Gate, RefusedError
-from tripod_view.drawing import Drawing
 from tripod_view.server import HOST, PageServer
 from tripod_view.stream import Stream
 
