@@ -330,7 +330,8 @@ export function scene() {
 // Lets what is there be followed.
 function offerFollow(view) {
   const select = byId("follow"), there = ["", ...Object.keys(FOLLOWED).filter((path) => view.node(path)?.group.visible)];
-  if ([...select.options].map((o) => o.value).join() === there.join()) return;
+  select.parentElement.hidden = there.length === 1;
+  if (select.length === there.length && there.every((path, i) => select.options[i].value === path)) return;
   const chosen = there.includes(select.value) ? select.value : "";
   select.replaceChildren();
   for (const path of there) option(select, path, path ? `follow ${FOLLOWED[path]}` : "stand still");
