@@ -61,8 +61,8 @@ def test_what_is_removed_goes_with_what_moved_with_it_and_may_come_again() -> No
     drawing.add("/ab", "group", axes=0.0)
     _, seen = drawing.changes(0)
     frame.remove()
-    child.remove()  # is gone already
     message, seen = drawing.changes(seen)
+    child.remove()  # is gone already
     assert head(message) == {"alive": [3]}
     again = drawing.add("/a", "group", axes=0.0)
     assert again.number == 4

@@ -41,8 +41,8 @@ class LiveView extends View {
     for (const made of node.made) made.dispose();
   }
 
-  // Takes a message of the server.
-  take(buffer) {
+  // Takes a message of the server; see `aim`.
+  take(buffer, again) {
     const size = new DataView(buffer).getUint32(0, true), T = THREE;
     const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
     const floats = ([first, count]) => new T.BufferAttribute(new Float32Array(buffer, 4 + size + first, count), 3);
@@ -60,7 +60,7 @@ class LiveView extends View {
       if (rest.colour) for (const material of [node.material, node.faint]) if (material) material.color = colour(rest.colour);
       if ("turns" in rest) this.letTurn(node);
     }
-    if (head.camera) this.aim(head.camera);
+    if (head.camera) this.aim(head.camera, again);
   }
 
   add(number, { kind, parent, text, axes }) {
@@ -207,9 +207,10 @@ class LiveView extends View {
 
   // ---- the camera
 
-  aim({ fit, ...camera }) {
+  // `again`: the connection was lost meanwhile, so all is sent again.
+  aim({ fit, ...camera }, again) {
     this.stage.camera = camera;
-    if (fit || !this.touched) this.home(); else this.layFloor();
+    if ((fit && !again) || !this.touched) this.home(); else this.layFloor();
   }
 
   home() {
@@ -297,8 +298,9 @@ export function scene() {
     asked = 0;
     for (const { from, data, first } of pending.splice(0)) {
       if (from !== socket) continue;
+      const again = first && view.all.size > 0;
       if (first) view.clear();
-      view.take(data);
+      view.take(data, again);
       hand({ took: true }); // a page that is hidden is not painted: it is sent nothing more
     }
     view.render();
@@ -356,7 +358,10 @@ function tools(view, redraw) {
   addTools(byId("camera-tools"), cameras, keys);
   addTools(byId("page-tools"), more, keys);
   pressed("lines", view.lined);
-  byId("follow").addEventListener("change", then(() => view.follow(byId("follow").value)));
+  byId("follow").addEventListener("change", then(() => {
+    view.follow(byId("follow").value);
+    byId("follow").blur(); // arrows move joints again
+  }));
   splitAt(byId("split"), (width) => document.body.style.setProperty("--width", `${width}px`));
   addEventListener("keydown", (event) => { // those that the servos do not have
     if (event.ctrlKey || event.altKey || event.metaKey || /^(INPUT|SELECT)$/.test(event.target.tagName)) return;
