@@ -75,7 +75,7 @@ def read_beams(path: Path, scene: Scene) -> Measured:
 
 def wrong(data: Measured) -> dict[str, Measured]:
     """Return the data with motors exchanged, with their range shrunk, and with that of the places shrunk."""
-    angles = data.angles
+    angles = data.commands
     assert angles is not None
     middle = np.nanmean(data.values, axis=0)
     return {

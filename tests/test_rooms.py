@@ -43,7 +43,8 @@ ROOMS = {
     "scene": ("scene", "scene_file"),
     "build": ("build",),
     "mesh_error": ("mesh_error",),
-    "simulation": ("simulation",),
+    "fields": ("fields",),
+    "simulation": ("simulation", "acting_forces"),
 }
 """The rooms of tripod_sim with their files and folders, from the lowest: a room may import those before it."""
 

@@ -34,12 +34,15 @@ def main(scenes: Sequence[str] | None = None) -> int:
 
 
 def compile_scene(name: str) -> str:
-    """Build the scene and rehearse its steps, telling loop by loop; return the name."""
+    """Build the scene, rehearse its steps and its fields, telling loop by loop; return the name."""
     from tripod_bringup.compiling import compiling_told  # noqa: PLC0415 - heavy
     from tripod_sim import Simulation, load_scene  # noqa: PLC0415 - heavy
 
     with compiling_told("setup", say=lambda text: print(text, flush=True) if text else None):
-        Simulation(load_scene(name)).rehearse()
+        simulation = Simulation(load_scene(name))
+        simulation.rehearse()
+        fields = simulation.fields()
+        fields.values(fields.names, simulation.positions)
     return name
 
 

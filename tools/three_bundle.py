@@ -17,10 +17,11 @@ WEB = Path(__file__).parents[1] / "tripod_view" / "web"
 
 PARTS = (
     "BufferAttribute", "BufferGeometry", "Color", "ColorManagement", "ConeGeometry", "CylinderGeometry",
-    "DirectionalLight", "DoubleSide", "DynamicDrawUsage", "EdgesGeometry", "EqualStencilFunc", "Group", "HemisphereLight",
-    "IncrementStencilOp", "InstancedMesh", "Line", "LinearSRGBColorSpace", "LineBasicMaterial", "LineSegments", "Matrix4",
-    "Mesh", "MeshBasicMaterial", "MeshLambertMaterial", "PerspectiveCamera", "Quaternion", "Raycaster", "Scene",
-    "Sphere", "Box3", "Vector2", "Vector3", "WebGLRenderer",
+    "DirectionalLight", "DoubleSide", "DynamicDrawUsage", "EdgesGeometry", "EqualStencilFunc", "Group",
+    "HemisphereLight", "IncrementStencilOp", "InstancedMesh", "Line", "LinearSRGBColorSpace",
+    "LineBasicMaterial", "LineSegments", "Matrix4", "Mesh", "MeshBasicMaterial", "MeshLambertMaterial",
+    "PerspectiveCamera", "Quaternion", "Raycaster", "Scene", "Sphere", "Box3", "Vector2", "Vector3",
+    "WebGLRenderer",
 )  # fmt: skip
 """Of the package `three`."""
 
@@ -35,9 +36,18 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         needed = {"three": THREE, "esbuild": ESBUILD}
-        (folder / "package.json").write_text(json.dumps({"private": True, "dependencies": needed}), encoding="utf-8")
+        (folder / "package.json").write_text(
+            json.dumps({"private": True, "dependencies": needed}), encoding="utf-8"
+        )
         (folder / "entry.js").write_text("\n".join(lines), encoding="utf-8")
-        out = ["--bundle", "--minify", "--format=iife", "--global-name=THREE", "--legal-comments=none", "--outfile=three.js"]
+        out = [
+            "--bundle",
+            "--minify",
+            "--format=iife",
+            "--global-name=THREE",
+            "--legal-comments=none",
+            "--outfile=three.js",
+        ]
         banner = f"--banner:js=/* three.js {THREE}, MIT: three.LICENSE */"
         try:
             subprocess.run(["npm", "install", "--silent", "--no-audit"], cwd=folder, check=True)

@@ -201,7 +201,7 @@ def _share(text: str) -> float:
 
 
 def _candidates(path: Path, scene: "Scene") -> "NDArray":
-    """Return the poses of a CSV file, shape (n, s + 1)."""
+    """Return the poses of a CSV file, shape (n, a + 1)."""
     from tripod_identify.measured import read_commands  # noqa: PLC0415
 
     return read_commands(path, scene)

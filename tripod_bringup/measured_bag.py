@@ -124,9 +124,9 @@ def _channels(seen: Series) -> tuple[FloatArray, tuple[Channel, ...]]:
 def _stands(measured: Measured, path: Path) -> Measured:
     """Return one row for each stand of the commands: the mean of its last half."""
     assert measured.times is not None
-    assert measured.angles is not None
+    assert measured.commands is not None
     slide = measured.slide if measured.slide is not None else np.zeros(len(measured.values))
-    joints = np.column_stack([measured.angles, slide])
+    joints = np.column_stack([measured.commands, slide])
     rows, first = [], 0
     for k in range(1, len(joints) + 1):
         if k < len(joints) and np.abs(joints[k] - joints[first]).max() < STEADY:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tripod_bringup.colour_option import ColourError, Colours, chosen_colour, colours_of
 from tripod_host import stop
 
 if TYPE_CHECKING:
@@ -79,15 +80,18 @@ class Pictures:
         except NoFfmpegError as error:
             raise PictureError(f"--{'gif' if self.gif else 'mp4'}: {error}") from None
 
-    def write(self, arrays: Arrays, progress: Callable[[float], None] | None = None) -> list[Path]:
+    def write(
+        self, arrays: Arrays, progress: Callable[[float], None] | None = None, colours: Colours | None = None
+    ) -> list[Path]:
         """Write them of the arrays of a run; return their paths. Raises PictureError."""
         if not self.wanted:
             return []
         from tripod_view.player.film import FilmError  # noqa: PLC0415
         from tripod_view.player.of_run import film_of  # noqa: PLC0415
 
+        colours = colours or Colours()
         try:
-            film = film_of(arrays)
+            film = film_of(arrays, fields=colours.fields, colouring=colours.colouring)
         except FilmError as error:
             raise PictureError(str(error)) from None
         name, path = "", Path()
@@ -118,9 +122,18 @@ class ShownRun:
     The block of its `with` ends, after the run, when the user asks for it, by Ctrl-C: until then the page is there.
     """
 
-    def __init__(self, command: str, pictures: Pictures, *, view: bool, port: int | None = None) -> None:
-        """`command`: its name in messages; `port`: of the page, None for a free one."""
+    def __init__(
+        self,
+        command: str,
+        pictures: Pictures,
+        *,
+        view: bool,
+        port: int | None = None,
+        colour: str | None = None,
+    ) -> None:
+        """`command`: its name in messages; `port`: of the page, None for a free one; `colour`: of `--colour`."""
         self._command, self._pictures, self._view, self._port = command, pictures, view, port
+        self._colour, self._colours = colour, Colours()
         self._recording: Any = None
         self._film: GrowingFilm | None = None
         self._server: FilmServer | None = None
@@ -133,16 +146,28 @@ class ShownRun:
     def __enter__(self) -> "ShownRun":
         """Raise PictureError unless all that is wanted can be made."""
         self._pictures.check()
+        check_colour(self._colour, self._pictures, view=self._view)
         return self
 
     def begin(self, recording: Any) -> None:
-        """Take the recording of the run, which is about to begin: its page is there from now on."""
+        """Take the recording of the run, which is about to begin: its page is there from now on.
+
+        Raises PictureError: the bodies do not have the field of `--colour`.
+        """
         self._recording = recording
+        page = self._view or self._pictures.html is not None
+        if page or self._colour is not None:
+            try:
+                self._colours = colours_of(recording.fields(), self._colour, every=page)
+            except ColourError as error:
+                raise PictureError(str(error)) from None
         stop.before(self._save)
         if self._view:
             from tripod_view.player.live import GrowingFilm  # noqa: PLC0415
 
-            self._film = GrowingFilm(recording.arrays, recording.dt)
+            self._film = GrowingFilm(
+                recording.arrays, recording.dt, self._colours.fields, self._colours.colouring
+            )
             self._server = film_server(self._film.page, self._film.reel, self._port)
             print(f"{self._command}: watch it at {self._server.url}", file=sys.stderr, flush=True)
 
@@ -152,7 +177,7 @@ class ShownRun:
         if self._film:
             self._film.finish()
         made = self._recording and self._recording.count
-        return self._pictures.write(self._recording.arrays(), progress) if made else []
+        return self._pictures.write(self._recording.arrays(), progress, self._colours) if made else []
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Wait for the user, and close the page."""
@@ -181,7 +206,28 @@ def film_server(page: Callable[[], str], reel: Callable[[int], Any], port: int |
         ) from None
 
 
-def serve_arrays(arrays: Arrays, command: str, port: int | None = None) -> None:
+def check_colour(colour: str | None, pictures: Pictures, *, view: bool) -> None:
+    """Raise PictureError unless `--colour` names a field, and there is something to colour."""
+    if colour is None:
+        return
+    try:
+        chosen_colour(colour)
+    except ColourError as error:
+        raise PictureError(str(error)) from None
+    if not (view or pictures.html or pictures.gif or pictures.mp4):
+        raise PictureError(f"--colour {colour!r} colours nothing: add --view, --html, --gif or --mp4")
+    if pictures.gif or pictures.mp4:
+        try:
+            import PIL  # noqa: F401, PLC0415
+        except ImportError:
+            raise PictureError(
+                "--colour needs Pillow for its legend: pip install pillow, or make setup"
+            ) from None
+
+
+def serve_arrays(
+    arrays: Arrays, command: str, port: int | None = None, colours: Colours | None = None
+) -> None:
     """Serve the page of a finished run at a port, None for a free one, until Ctrl-C.
 
     Raises:
@@ -191,7 +237,8 @@ def serve_arrays(arrays: Arrays, command: str, port: int | None = None) -> None:
     from tripod_view.player.of_run import film_of  # noqa: PLC0415
     from tripod_view.player.packing import reel, stage  # noqa: PLC0415
 
-    film = film_of(arrays)
+    colours = colours or Colours()
+    film = film_of(arrays, fields=colours.fields, colouring=colours.colouring)
     page = player_page(stage(film), reel(film))
     server = film_server(lambda: page, lambda _: {"reel": None, "done": True}, port)
     print(f"{command}: watch it at {server.url}", file=sys.stderr, flush=True)

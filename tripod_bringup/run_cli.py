@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from tripod_bringup.accuracy_option import Accuracy, Budget, Study
+from tripod_bringup.colour_option import Colour
 from tripod_bringup.options import (
     ActuatorScripts,
     Json,
@@ -32,6 +33,7 @@ commands = typer.Typer()
         'tripod run tripod --duration 2 --servo "0:0,0,0; 1:-0.7854,-0.7854,-0.7854"',
         'tripod run tripod --servo "0:0,0,0; 2:-1.4965,-1.4965,-1.4965" --slide "0:0; 2:0.035" --out run.npz',
         "tripod run cloth --html cloth.html --plot cloth.png",
+        "tripod run tripod --html run.html --colour von_mises",
         "tripod run silicone --set material.young=3e5",
         "tripod run tripod --set dt=auto --set time_error.tolerance=1e-5 --set inertia.scheme=tr_bdf2",
         "tripod run tripod --accuracy 5%",
@@ -58,10 +60,14 @@ def run(
     plot: Plot = None,
     gif: Gif = None,
     mp4: Mp4 = None,
+    colour: Colour = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE.npz", help="Write every step as arrays, for NumPy and `tripod show`."),
     ] = None,
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Record and show the forces on the bodies as arrows.")
+    ] = False,
     accuracy: Accuracy = None,
     budget: Budget = None,
     study: Study = None,
@@ -84,8 +90,10 @@ def run(
             actuate=actuate or (),
             overrides=set_ or [],
             out=out,
+            forces=forces,
             pictures=Pictures(html=html, plot=plot, gif=gif, mp4=mp4),
             view=view,
+            colour=colour,
             view_port=view_port,
             accuracy=accuracy,
             budget=budget,
@@ -107,9 +115,10 @@ def show(
     plot: Plot = None,
     gif: Gif = None,
     mp4: Mp4 = None,
+    colour: Colour = None,
     view_port: ViewPort = None,
 ) -> None:
     """Show a saved run in the browser, or write it as a film."""
     from tripod_bringup.show_command import show_command  # noqa: PLC0415
 
-    raise typer.Exit(show_command(file, Pictures(html=html, plot=plot, gif=gif, mp4=mp4), view_port))
+    raise typer.Exit(show_command(file, Pictures(html=html, plot=plot, gif=gif, mp4=mp4), view_port, colour))

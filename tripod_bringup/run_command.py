@@ -46,8 +46,10 @@ def run_scene(
     actuate: Sequence[str] = (),
     overrides: list[str],
     out: Path | None,
+    forces: bool = False,
     pictures: Pictures,
     view: bool,
+    colour: str | None = None,
     accuracy: str | None = None,
     budget: str | None = None,
     study: Path | None = None,
@@ -66,9 +68,11 @@ def run_scene(
         from tripod_study.run import run  # noqa: PLC0415
 
     try:
+        if forces and not (out or view or pictures.html or pictures.gif or pictures.mp4):
+            raise SceneError("--forces has nothing to show them; add --view, --html, --gif, --mp4 or --out")
         with (
             interruptible("tripod run", out, *pictures.wanted.values()),
-            ShownRun("tripod run", pictures, view=view, port=view_port) as shown,
+            ShownRun("tripod run", pictures, view=view, port=view_port, colour=colour) as shown,
         ):
             choice = chosen(scene, wished(accuracy, budget), overrides, study)
             if choice:
@@ -92,6 +96,7 @@ def run_scene(
                         actuate=actuate,
                         overrides=overrides,
                         out=out,
+                        forces=forces,
                         recorded=shown.begin if shown.wanted else None,
                         progress=progress,
                         say=progress.say if progress else None,

@@ -76,7 +76,8 @@ def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
         file = result.get("study") or "the accuracy study of this scene"
         yours = "; your motion is another one" if own_motion else ""
         of = f": {figures['quantity']}" if figures.get("quantity") else ""
-        words.append(f"about {_digits(100 * measured)} % (measured in {file}{of}{yours})")
+        size = f" of {1e3 * figures['size']:.3g} mm" if figures.get("size") else ""
+        words.append(f"about {_digits(100 * measured)} %{size} (measured in {file}{of}{yours})")
     if error := result.get("mesh_error"):
         words.append(_effector_error(error, steps))
     elif steps:
@@ -245,7 +246,7 @@ def _too_large(error: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     least = max(result["displacement"]["largest"], 1e-3 * SMALL)
     if error["node"] < 0 or not error["largest"] > least:
         return ""
-    return ", which is more than the whole motion: the end of this run is not reliable, take a smaller dt"
+    return ", which is more than the whole motion: dt is too large, or the estimate fails here; compare with half of dt"
 
 
 def _millijoules(value: float) -> str:

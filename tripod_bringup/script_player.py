@@ -1,4 +1,4 @@
-"""Plays a servo script once everything is up, tells how it ended, and leaves the graph."""
+"""Plays a script once everything is up, tells how it ended, and leaves the graph."""
 
 from collections.abc import Callable, Sequence
 
@@ -24,7 +24,7 @@ class ScriptPlayer:
         wanted: bool = False,
         simulated: Sequence[float] | None = None,
     ) -> None:
-        """`simulated`: go by a simulator with these slew rates [rad/s] instead of by the driver."""
+        """`simulated`: go by a simulator with these slew rates [rad/s, m/s, N/s, Pa/s] instead of by the driver."""
         self.wanted = wanted
         self._path, self._executor, self._say, self._simulated = path, executor, say, simulated
         self._node: ReplayNode | None = None
@@ -38,7 +38,7 @@ class ScriptPlayer:
             self._node = ReplayNode(self._path, name="script", simulated=self._simulated)
             self._executor.add_node(self._node)
         elif self._node.done:
-            self._say(f"servo script: {self._node.done}")
+            self._say(f"script: {self._node.done}")
             self.close()
 
     def close(self) -> None:

@@ -139,14 +139,20 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
         arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
         return ProcessSpec(name, f"{node_package(name)}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
+    own = {"topics", "exclude"} & set(options.values.get("record", {}))
+    waits = options.record is not None and not own  # else the recorder may be told not to listen
+
+    def heard(topic: str) -> bool:
+        return watch.heard(topic) and (not waits or watch.is_recorded(topic))
+
     record = spec(  # which gives up a disk that stands still by itself; the end of a long file takes long
         "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=120.0
     )
-    sim = spec("sim", {}, ready=lambda: watch.heard(names.SIM_STATUS))
+    sim = spec("sim", {}, ready=lambda: heard(names.SIM_STATUS))
     ik = spec("ik", {}, ready=lambda: watch.is_published(names.IK_STATUS))
     view_values = {} if options.view_port is None else {"port": options.view_port}
     view = spec("view", view_values, ready=lambda: bool(facts.page))
-    driver = spec("driver", {}, ready=lambda: watch.heard(names.ROBOT_STATUS), stop_time=10.0)
+    driver = spec("driver", {}, ready=lambda: heard(names.ROBOT_STATUS), stop_time=10.0)
     return [
         [record] if options.record is not None else [],
         [sim, ik, *([view] if options.view else [])],

@@ -17,6 +17,7 @@ from tripod_bringup.node_command import (
 )
 from tripod_bringup.options import (
     MOCK,
+    ActuatorScripts,
     NodeSettings,
     OldSettings,
     SceneName,
@@ -80,6 +81,7 @@ def up(
     ] = None,
     servo: ServoScript = None,
     slide: SlideScript = None,
+    actuate: ActuatorScripts = None,
     port: Annotated[
         str,
         typer.Option(help="Port of the servos: a device, auto, or mock.", autocompletion=some_ports),
@@ -117,6 +119,7 @@ def up(
             overrides=set_ or [],
             servo=servo,
             slide=slide,
+            actuate=actuate or (),
             port=port,
             record=record,
             view=view,
@@ -176,6 +179,7 @@ def sim(
     study: Study = None,
     servo: ServoScript = None,
     slide: SlideScript = None,
+    actuate: ActuatorScripts = None,
     subnet: Subnet = False,
 ) -> None:
     """Run the simulator as a ROS node."""
@@ -188,7 +192,7 @@ def sim(
         names = [parameter.name for parameter in parameter_table("sim")] if set_ else []
         parameters, fields = split_settings(set_ or [], "sim", names)
         words = sim_words([*(values or []), *parameters], fields, wished(accuracy, budget), study)
-        beside = sim_companion(words, servo, slide)
+        beside = sim_companion(words, servo, slide, actuate or ())
     except ValueError as error:
         print(f"tripod sim: {error}", file=sys.stderr)
         raise typer.Exit(2) from None

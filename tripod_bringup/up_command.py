@@ -47,6 +47,7 @@ def up_command(
     overrides: Sequence[str] = (),
     servo: str | None = None,
     slide: str | None = None,
+    actuate: Sequence[str] = (),
     port: str,
     record: Path | None,
     view: bool,
@@ -83,9 +84,9 @@ def up_command(
                 check_values(node, given)
         joints = servos_of(scene, words_of_set(values))
         undriven = why_undriven(joints.others) if joints else ""
-        script = joint_path(scene, words_of_set(values), servo, slide)
+        script = joint_path(scene, words_of_set(values), servo, slide, actuate)
         if script and demo:
-            raise ValueError("--demo moves the robot itself; leave out --servo")
+            raise ValueError("--demo moves the robot itself; leave out --servo and --actuate")
         if duration is not None and not math.isfinite(duration):
             raise ValueError(f"--duration is {duration}; it must be finite")
     except ValueError as error:
@@ -248,9 +249,9 @@ def sim_words(
 
 
 def sim_companion(
-    words: Sequence[str], servo: str | None, slide: str | None
+    words: Sequence[str], servo: str | None, slide: str | None, actuate: Sequence[str] = ()
 ) -> "Callable[[Executor, Sequence[float]], ScriptPlayer] | None":
-    """Return what plays a servo script beside `tripod sim`, None without a script.
+    """Return what plays a script beside `tripod sim`, None without a script.
 
     It is an operator like any other: it takes the mode, and STOP ends it.
 
@@ -259,7 +260,7 @@ def sim_companion(
     """
     given = dict(split_word(word) for word in words)
     values: dict[str, dict[str, object]] = {"sim": {"set": RawYaml(given["set"])} if "set" in given else {}}
-    path = joint_path(str(given.get("scene", "tripod")), words_of_set(values), servo, slide)
+    path = joint_path(str(given.get("scene", "tripod")), words_of_set(values), servo, slide, actuate)
     if path is None:
         return None
 

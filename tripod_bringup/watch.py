@@ -95,6 +95,12 @@ class Watch(Node):
         """Whether anybody offers `topic`."""
         return bool(self.count_publishers(topic) > 0)
 
+    def is_recorded(self, topic: str) -> bool:
+        """Whether the recorder listens to `topic`: it may find a publisher seconds later than others do."""
+        listeners = self.get_subscriptions_info_by_topic(topic)
+        here = self.get_namespace()
+        return any((of.node_name, of.node_namespace) == ("record", here) for of in listeners)
+
     def status(self) -> ChainStatus:
         """Return the newest status of the chain; what fell silent is None, and the note says so."""
         sim, ik, robot = (self._fresh(t) for t in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS))

@@ -24,6 +24,7 @@ from tripod_identify.propose import Proposal, candidates, propose
 from tripod_identify.score import Score, score
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
+from tripod_sim.tables.short_forms import joints_of
 
 LEFT = 0.02
 """Of the largest range of any number: what has moved farther has begun to move."""
@@ -201,7 +202,7 @@ def identify(
         notes.append(left.note)
     notes += _against(last, wanted.priors)
     proposals: list[Proposal] = []
-    if wanted.propose and measured.times is None and scene.servos:
+    if wanted.propose and measured.times is None and joints_of(scene):
         say("poses that would tell most")
         proposals = _proposals(problem, asked, last, poses)
     return Identified(

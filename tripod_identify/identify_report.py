@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tripod_identify.csv_columns import COMMANDED, UNITS
 from tripod_identify.identify import Found, Identified
 from tripod_identify.measured import Measured
 from tripod_identify.page import Page
@@ -12,6 +13,7 @@ from tripod_identify.pictures import curves
 from tripod_identify.score import Score
 from tripod_identify.score_report import HEAD, left_rows, spread_cells
 from tripod_sim.scene.file import scene_to_toml
+from tripod_sim.tables.short_forms import joints_of
 
 FOUND_HEAD = ("value", "found", "90 % by noise", "mesh adds", "steps add", "without both", "90 %", "unit")
 
@@ -89,12 +91,16 @@ def proposal_lines(result: Identified) -> list[str]:
     """Return a sentence for each pose that would tell most."""
     lines = []
     for i, p in enumerate(result.proposals, 1):
-        angles = ", ".join(f"{a:.3f}" for a in p.joints[:-1])
+        servos = len(result.told.zero)
+        said = [f"servos {', '.join(f'{a:.3f}' for a in p.joints[:servos])} rad"] if servos else []
+        joints = joints_of(result.told.scene)
+        for joint, value in zip(joints.others if joints else (), p.joints[servos:-1], strict=True):
+            unit = COMMANDED[joint.unit][1]
+            said.append(f"{joint.name} {value / UNITS[unit][1]:.4g} {unit}")
+        if servos:
+            said.append(f"slide {1e3 * p.joints[-1]:.1f} mm")
         gain = 100 * (1 - float(np.min(p.half)))
-        lines.append(
-            f"pose {i}: servos {angles} rad, slide {1e3 * p.joints[-1]:.1f} mm; the interval of one value then is "
-            f"{gain:.0f} % shorter"
-        )
+        lines.append(f"pose {i}: {', '.join(said)}; the interval of one value then is {gain:.0f} % shorter")
     return lines
 
 

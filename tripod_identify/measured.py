@@ -13,6 +13,7 @@ from tripod_host.reading import read_file
 from tripod_identify.csv_columns import Channel, read_header
 from tripod_identify.errors import DataError
 from tripod_sim.scene import Scene
+from tripod_sim.tables.short_forms import joints_of
 
 MOST_BYTES = 100_000_000
 """Of a CSV file."""
@@ -33,7 +34,8 @@ class Measured:
 
     Attributes:
         times: Rising [s], shape (k,); None: each row is a pose at rest.
-        angles: Commanded [rad], shape (k, s); None where the data have none: those that the scene starts with.
+        commands: Of all joints but the slide, in the units of the scene's joints, shape (k, a); None where the data
+            have none: those that the scene starts with.
         slide: Commanded [m], shape (k,); None likewise.
         channels: What was measured, m of them.
         values: [m] or [rad], shape (k, m); NaN where there is none.
@@ -41,7 +43,7 @@ class Measured:
     """
 
     times: FloatArray | None
-    angles: FloatArray | None
+    commands: FloatArray | None
     slide: FloatArray | None
     channels: tuple[Channel, ...]
     values: FloatArray
@@ -49,17 +51,16 @@ class Measured:
 
     def rows(self, chosen: NDArray[np.bool_]) -> "Measured":
         """Return some of the rows, `chosen` of shape (k,)."""
-        parts = [None if a is None else a[chosen] for a in (self.times, self.angles, self.slide)]
-        return replace(self, times=parts[0], angles=parts[1], slide=parts[2], values=self.values[chosen])
+        parts = [None if a is None else a[chosen] for a in (self.times, self.commands, self.slide)]
+        return replace(self, times=parts[0], commands=parts[1], slide=parts[2], values=self.values[chosen])
 
     def joints(self, scene: Scene) -> FloatArray:
-        """Return the commanded angles [rad] and slide [m] of each row, shape (k, s + 1)."""
-        count = scene.servos.count if scene.servos else 0
-        joints = np.zeros((len(self.values), count + 1))
-        if scene.servos:
-            joints[:] = [*scene.servos.angles, scene.servos.slide]
-        if self.angles is not None:
-            joints[:, :-1] = self.angles
+        """Return the commands of the scene's joints and the slide [m] of each row, shape (k, a + 1)."""
+        known = joints_of(scene)
+        start = known.start if known else np.zeros(1)
+        joints = np.tile(start, (len(self.values), 1))
+        if self.commands is not None:
+            joints[:, :-1] = self.commands
         if self.slide is not None:
             joints[:, -1] = self.slide
         return joints
@@ -81,14 +82,15 @@ def read_csv(
         DataError: anything wrong with the file; the message names the row or column.
     """
     header, numbers, table = _table(path)
-    columns = read_header(header, sources, scene.servos.count if scene.servos else 0, renamed)
+    joints = joints_of(scene)
+    columns = read_header(header, sources, joints.actuators if joints else (), renamed)
     times = None
     if columns.time and not poses:
         times = _whole(table[:, columns.time[0]], numbers, "the time") * columns.time[1]
-    angles = None
-    if columns.servos:
-        angles = np.column_stack(
-            [_whole(table[:, i], numbers, header[i]) * size for i, size in columns.servos]
+    commands = None
+    if columns.commands:
+        commands = np.column_stack(
+            [_whole(table[:, i], numbers, header[i]) * size for i, size in columns.commands]
         )
     slide = None
     if columns.slide:
@@ -99,7 +101,12 @@ def read_csv(
         if columns.ignored
         else []
     )
-    measured = Measured(times, angles, slide, tuple(c for *_, c in columns.channels), values, tuple(notes))
+    if joints and joints.others and commands is None:
+        notes.append(
+            f"no column gives a command, so these stay where the scene starts them: "
+            f"{', '.join(a.name for a in joints.actuators)}"
+        )
+    measured = Measured(times, commands, slide, tuple(c for *_, c in columns.channels), values, tuple(notes))
     return checked(measured, scene, numbers)
 
 
@@ -123,12 +130,13 @@ def _table(path: Path) -> tuple[list[str], list[int], FloatArray]:
 
 
 def read_commands(path: Path, scene: Scene) -> FloatArray:
-    """Return the poses that a CSV file commands: angles [rad] and slide [m], shape (n, s + 1). Raises DataError."""
+    """Return the poses that a CSV file commands: joints and slide [m], shape (n, a + 1). Raises DataError."""
     header, numbers, table = _table(path)
-    columns = read_header(header, (), scene.servos.count if scene.servos else 0, {}, measured=False)
-    angles = np.column_stack([_whole(table[:, i], numbers, header[i]) * size for i, size in columns.servos])
+    joints = joints_of(scene)
+    columns = read_header(header, (), joints.actuators if joints else (), {}, measured=False)
+    found = np.column_stack([_whole(table[:, i], numbers, header[i]) * size for i, size in columns.commands])
     slide = _whole(table[:, columns.slide[0]], numbers, "slide") * columns.slide[1] if columns.slide else None
-    commands = Measured(None, angles, slide, (Channel("effector", 0),), np.zeros((len(angles), 1)))
+    commands = Measured(None, found, slide, (Channel("effector", 0),), np.zeros((len(found), 1)))
     return checked(commands, scene, numbers).joints(scene)
 
 
@@ -160,7 +168,7 @@ def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
     """Return data that fit a scene, with a note on what is missing; `lines` name the rows in messages.
 
     Raises:
-        DataError: times that fall, commands that the servos of the scene cannot follow, values beyond all reason, none.
+        DataError: times that fall, commands that the joints of the scene cannot follow, values beyond all reason, none.
     """
     times, values = measured.times, measured.values
     if times is not None and (falls := np.flatnonzero(np.diff(times) <= 0)).size:
@@ -169,24 +177,32 @@ def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
             f"line {lines[i + 1]}: time {times[i + 1]:g} s after {times[i]:g} s; times must rise (--poses takes each "
             "row as a pose of its own)"
         )
-    servos = scene.servos
-    for what in (measured.angles, measured.slide):
-        if what is not None and servos is None:
-            raise DataError(
-                f"the data have commands for servos, but scene {scene.name!r} has none: does the file belong "
-                "to another robot?"
-            )
-    if measured.angles is not None and servos:
-        low, high = servos.angle_min - 1e-6, servos.angle_max + 1e-6
-        bad = np.argwhere(~((measured.angles >= low) & (measured.angles <= high)))
+    servos, joints = scene.servos, joints_of(scene)
+    if (measured.commands is not None and not joints) or (measured.slide is not None and not servos):
+        raise DataError(
+            f"the data have commands for servos, but scene {scene.name!r} has none: does the file belong "
+            "to another robot?"
+        )
+    if measured.commands is not None and joints:
+        most = 1e-6 * joints.spans
+        bad = np.argwhere(
+            ~((measured.commands >= joints.low - most) & (measured.commands <= joints.high + most))
+        )
         if len(bad):
             k, i = bad[0]
-            angle = measured.angles[k, i]
+            joint = joints.actuators[i]
+            units = "degrees labelled as radians" if joint.unit == "rad" else "its units others than labelled"
             raise DataError(
-                f"line {lines[k]}: servo_{i} at {angle:g} rad; the scene allows {servos.angle_min:g} to "
-                f"{servos.angle_max:g} rad: does the file belong to another robot, or are degrees labelled as "
-                "radians?"
+                f"line {lines[k]}: {joint.name} at {measured.commands[k, i]:g} {joint.unit}; the scene allows "
+                f"{joint.low:g} to {joint.high:g} {joint.unit}: does the file belong to another robot, or are "
+                f"{units}?"
             )
+        others = slice(
+            len(joints.arms), None
+        )  # a simulation takes no command beyond the range, not by rounding
+        commands = measured.commands.copy()
+        commands[:, others] = np.clip(commands[:, others], joints.low[others], joints.high[others])
+        measured = replace(measured, commands=commands)
     if measured.slide is not None and servos:
         out = np.flatnonzero(~((measured.slide >= -1e-9) & (measured.slide <= servos.slide_max + 1e-9)))
         if out.size:

@@ -244,7 +244,7 @@ def _solve(
 
 
 def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArray) -> list[State]:
-    """Return the states of rest on a finer mesh at `joints`, shape (k, s + 1), begun from those on a coarser one.
+    """Return the states of rest on a finer mesh at `joints`, shape (k, a + 1), begun from those on a coarser one.
 
     Where what is between its nodes leads nowhere the joints are played from the undeformed state. Raises StepError.
     """
@@ -270,7 +270,7 @@ def bent_like(coarse: System, states: Sequence[State], fine: System, joints: Flo
         coarse: Of `states`, whose rigid groups are those of `fine`.
         states: k of them.
         fine: Of what is returned.
-        joints: Shape (k, s + 1).
+        joints: Shape (k, a + 1).
     """
     places, own = coarse.rest, fine.rest
     moved = np.stack([state.positions - places for state in states], axis=1)

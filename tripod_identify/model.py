@@ -16,7 +16,7 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 from tripod_sim.steps.parts import Parts
 from tripod_sim.system import System
-from tripod_sim.tables.short_forms import joints_of
+from tripod_sim.tables.short_forms import joints_of, posed
 
 TOLERANCE = 1e-7
 """Unbalanced force to which states and steps are solved [N]: small against what a changed value makes."""
@@ -37,7 +37,7 @@ class Told:
 
     Attributes:
         scene: With the values that are assumed.
-        zero: Of the servos [rad], shape (s,): the arm stands at gain command + zero.
+        zero: Of the servos [rad], shape (s,): the arm stands at gain command + zero. Other joints have none.
         gain: Shape (s,).
         sensor: How the data see it.
         start: Time of the data at which a motion begins [s].
@@ -50,9 +50,9 @@ class Told:
     start: float = 0.0
 
     def joints(self, commands: FloatArray) -> FloatArray:
-        """Return where the arms stand [rad], and the slide [m], for commands of shape (k, s + 1)."""
-        joints = commands.copy()
-        joints[:, :-1] = self.gain * commands[:, :-1] + self.zero
+        """Return where the arms stand [rad], other joints and the slide [m], for commands of shape (k, a + 1)."""
+        joints, servos = commands.copy(), slice(len(self.zero))
+        joints[:, servos] = self.gain * commands[:, servos] + self.zero
         return joints
 
 
@@ -67,18 +67,7 @@ def plainly(scene: Scene) -> Told:
 
 
 def check_servos(scene: Scene) -> None:
-    """Raise SceneError where data cannot name all that is commanded.
-
-    That is where a body has servos of its own, since data of two robots would need names for theirs, and where there
-    are other actuators than servos.
-    """
-    joints = joints_of(scene)
-    if joints and joints.others:
-        off = " ".join(f'--set "{name}=[]"' for name in ("cable", "chamber", "force") if getattr(scene, name))
-        raise SceneError(
-            f"scene {scene.name!r} has {', '.join(a.name for a in joints.others)}; data can have commands of servos "
-            f"only so far: identify the material without them, {off} --set motion=off, from data without commands"
-        )
+    """Raise SceneError where a body has servos of its own: data of two robots would need names for theirs."""
     if any(body.servos for body in scene.body):
         raise SceneError(
             f"scene {scene.name!r} has bodies with their own servos ([body.servos]); data can be compared "
@@ -137,11 +126,11 @@ class Rest:
 def rest_states(
     rest: Rest, joints: FloatArray, near: Sequence[State] | None = None, progress: Progress | None = None
 ) -> list[State]:
-    """Return the state of rest of each row of `joints`, shape (k, s + 1), played in their order.
+    """Return the state of rest of each row of `joints`, shape (k, a + 1), played in their order.
 
     Args:
         rest: The scene.
-        joints: Angles [rad] and slide [m].
+        joints: Commands of all joints, and the slide [m].
         near: States to begin from, one for each row, such as those of other values of the scene.
         progress: Told the share that is done.
 
@@ -199,7 +188,7 @@ class Run:
             and np.array_equal(own.gain, told.gain)
         )
         same &= np.array_equal(own.sensor.mount, told.sensor.mount)
-        same &= own.start == told.start or not told.scene.servos
+        same &= own.start == told.start or not joints_of(told.scene)
         assert measured.times is not None
         return bool(same and measured.times[-1] - told.start <= self.times[-1])
 
@@ -217,7 +206,7 @@ def run_motion(
 ) -> Run:  # fmt: skip
     """Return the motion of a scene until the end of the data, and `further` [s].
 
-    Commands are joined by straight lines.
+    Commands are joined by straight lines; the scene begins in its first pose.
 
     Raises:
         SceneError: the scene cannot be stepped.
@@ -232,20 +221,18 @@ def run_motion(
         )
     commands = told.joints(measured.joints(scene))
     if s := scene.servos:
-        scene = replace(
-            scene,
-            servos=replace(
-                s, angles=tuple(commands[0, :-1].tolist()), slide=float(commands[0, -1]),
-                angle_min=max(s.angle_min - MORE, -3.2), angle_max=min(s.angle_max + MORE, 3.2),
-            ),
-        )  # fmt: skip
+        low, high = max(s.angle_min - MORE, -3.2), min(s.angle_max + MORE, 3.2)
+        scene = replace(scene, servos=replace(s, angle_min=low, angle_max=high))
+    commanded = joints_of(scene) is not None
+    if commanded:
+        scene = posed(scene, commands[0, :-1], float(commands[0, -1]))
     simulation = Simulation(scene)
     observer = Observer(measured.channels, points, simulation.watched, simulation.mesh.nodes)
     steps = int(np.ceil(max(measured.times[-1] - told.start + further, 0.0) / scene.dt - 1e-9))
     seen = [observer.raw(simulation.state, told.sensor.mount)]
     for i in range(1, steps + 1):
         joints = None
-        if scene.servos:
+        if commanded:
             at = told.start + i * scene.dt
             joints = np.array([np.interp(at, measured.times, column) for column in commands.T])
         if unstable := simulation.step(joints).instability:

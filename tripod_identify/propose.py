@@ -24,7 +24,7 @@ class Proposal:
     """A pose that would tell much.
 
     Attributes:
-        joints: Angles [rad] and slide [m], shape (s + 1,).
+        joints: Commands of all joints, and the slide [m], shape (a + 1,).
         half: By how much the standard deviation of each value would be after it and those before it, over what it is
             now, shape (p,).
     """
@@ -34,7 +34,7 @@ class Proposal:
 
 
 def candidates(measured: Measured, joints: FloatArray, count: int = CANDIDATES) -> FloatArray:
-    """Return poses within the range of the commands `joints`, shape (k, s + 1), evenly spread, always the same."""
+    """Return poses within the range of the commands `joints`, shape (k, a + 1), evenly spread, always the same."""
     from scipy.stats import qmc  # noqa: PLC0415 - slow to import
 
     low, high = joints.min(axis=0), joints.max(axis=0)
@@ -53,7 +53,7 @@ def propose(
         wanted: All values that are asked for, also those that were held.
         u: Of all of them.
         sigma: Of places [m] and rotations [rad].
-        poses: To choose from, shape (n, s + 1).
+        poses: To choose from, shape (n, a + 1).
         now: d values / du of the present rows over sigma, of all of `wanted`, shape (r, p).
     """
     channels = problem.measured.channels
@@ -65,7 +65,7 @@ def propose(
     have_slide = problem.measured.slide is not None
     for joints in poses:
         one = replace(
-            problem.measured, times=None, angles=joints[None, :-1], slide=joints[None, -1] if have_slide else None,
+            problem.measured, times=None, commands=joints[None, :-1], slide=joints[None, -1] if have_slide else None,
             values=np.zeros((1, len(channels))),
         )  # fmt: skip
         rest = Rest(assumed.scene, one, problem.points)

@@ -16,6 +16,9 @@ model then rests at y - f h with the torques τ + f W_aa^-1 W_ae e_z. What feedb
 off its correction, so that nothing moves when a load is told, and in another pose, where h is another, the correction
 is right before it is measured again. f counts by its share 1 - (half / f)² where that is positive: what might be
 nothing moves nothing.
+
+It is for servos alone. A slack cable gives way where H counts it as taut, and bodies that cables or air bend are too
+slender for one H: on the scene `finger_cable` 50 mN read as 93 mN with both cables slack, and with both taut as a push.
 Pure: the caller gives the time.
 """
 

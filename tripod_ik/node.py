@@ -90,7 +90,7 @@ class IkNode(Node):
         self._actuators = joints.actuators if joints and joints.others else ()
         self._range_time: float = values["range_time"]
         self._tracker.resize(*self._sizes())
-        self._observer, self._expected = load_observer(values), expected(values, self._scene)
+        self._observer, self._expected = load_observer(values, self._scene), expected(values, self._scene)
         self._range = RangeWatch(self._own_limits())
         self._planner_thread.slide = self._slide
         self._roadmap: Any = None
@@ -340,7 +340,7 @@ class IkNode(Node):
             return
         try:
             state = self._own.state_at(angles)
-            self._check_goal(state)
+            self._check_state(state)
         except IkError as error:
             self._reject("compliances", str(error))
             return
@@ -358,7 +358,7 @@ class IkNode(Node):
             return
         try:
             state = linear_state(message)
-            self._check_goal(state)
+            self._check_state(state)
         except IkError as error:
             self._reject("compliances", str(error))
             return
@@ -368,13 +368,19 @@ class IkNode(Node):
         if not self._joins(state, now):
             self._on_state(state, now, message.effector_mesh_error)
 
-    def _check_goal(self, state: LinearState | None) -> None:
-        """Raise IkError where the goal asks for an orientation that the effector does not have."""
+    def _check_state(self, state: LinearState | None) -> None:
+        """Raise IkError where the effector lacks the orientation of the goal, or no load can be told of its joints."""
         goal = self._tracker.settings.goal
         if state and goal is not Goal.POSITION and not state.turns:
             raise IkError(
                 f"goal is {str(goal)!r}, but the effector is a point or a set, which has no orientation; start with "
                 "--set goal=position"
+            )
+        if state and state.actuators and self._observer:
+            others = ", ".join(name for name in state.joint_names if not name.startswith("servo_"))
+            raise IkError(
+                f"parameter 'observe_load' knows servos only, but the robot has {others}; start with "
+                "--set observe_load=false"
             )
 
     def _joins(self, state: LinearState, now: float) -> bool:
@@ -382,14 +388,13 @@ class IkNode(Node):
         if now - self._received > self._stale_after:
             self._joining.begin()
         robot = self._robot_angles(now)
-        if robot is not None and len(robot) == len(state.angles):
-            robot = taut(state, robot / self._spans)
-        place = self._joining.place(state.angles, robot, now)
-        if place is None:
+        known = robot is not None and len(robot) == len(state.angles)
+        there = taut(state, robot / self._spans) if robot is not None and known else None
+        if self._joining.place(state.angles, there, now) is None or robot is None:
             return False
         self._received = now
         self._tracker.start()
-        self._commands.publish(trajectory(place * self._spans, self._joints, self._source))
+        self._commands.publish(trajectory(robot, self._joints, self._source))  # slack too: the robot stays
         self._rest_again(Activity.STALE, JOINING, now)
         return True
 

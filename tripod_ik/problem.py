@@ -56,8 +56,9 @@ PRICE = 1.0
 the limit's multiplier stays below √weight · PRICE, there is no slack wherever the limit can be kept.
 """
 
-SEEN = 1e-6
-"""Steps shorter than this [rad] do not tell how the Jacobian turns."""
+LEAST_STEP = 0.01
+"""Over which the Jacobian is taken to have turned at least [rad]: over shorter steps, what changes it is that the body
+swings or a cable goes slack, and a damping that grows with that would make the next step shorter still."""
 
 RANK, FLAT, SLIDE = 1e-4, 1e-6, 0.3
 """Singular values of the Jacobian that count as none, over its norm; smallest curvature of the energy, over the
@@ -242,11 +243,11 @@ def _curvature(rows: TaskRows, state: LinearState, turning: float) -> float:
 
 def seen_turning(before: LinearState, after: LinearState) -> float:
     """Return how fast the Jacobian turned from one state to another, over its norm [1/rad]; 0 for servos alone."""
-    step = float(np.linalg.norm(after.angles - before.angles))
-    if not after.held or step < SEEN:
+    if not after.held:
         return 0.0
-    now = after.jacobian[:3]
-    return float(np.linalg.norm(now - before.jacobian[:3])) / (step * max(float(np.linalg.norm(now)), 1e-18))
+    step, now = float(np.linalg.norm(after.angles - before.angles)), after.jacobian[:3]
+    turned = float(np.linalg.norm(now - before.jacobian[:3])) / max(float(np.linalg.norm(now)), 1e-18)
+    return turned / max(step, LEAST_STEP)
 
 
 def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

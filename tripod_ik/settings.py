@@ -185,7 +185,7 @@ def check(values: Mapping[str, Any]) -> None:
     command_limits(tracker_settings(values), servos=1)
     scene = scene_of(values)
     target_box(values, scene)
-    load_observer(values)
+    load_observer(values, scene)
     expected(values, scene)
 
 
@@ -248,8 +248,11 @@ def model_error(values: Mapping[str, Any]) -> ModelError | None:
     return ModelError(values["feedback_time"], values["feedback_delay"])
 
 
-def load_observer(values: Mapping[str, Any]) -> "LoadObserver | None":
-    """Return what estimates the weight on the effector, None where nobody asks; raise IkError without a measurement."""
+def load_observer(values: Mapping[str, Any], scene: "Scene") -> "LoadObserver | None":
+    """Return what estimates the weight on the effector, None where nobody asks.
+
+    Raises IkError without a measurement, and for a robot with other joints than servos.
+    """
     if not values["observe_load"]:
         return None
     if values["feedback"] == "none":
@@ -257,7 +260,10 @@ def load_observer(values: Mapping[str, Any]) -> "LoadObserver | None":
             "parameter 'observe_load' needs a measurement: add --set feedback=pose or --set feedback=imu"
         )
     from tripod_ik.load import LoadObserver  # noqa: PLC0415 - an effect that is absent
+    from tripod_ik.solvable import not_servos  # noqa: PLC0415
 
+    if reason := not_servos(scene, "parameter 'observe_load'"):
+        raise IkError(reason)
     return LoadObserver(values["feedback_delay"])
 
 

@@ -60,6 +60,10 @@ SPACING, TRAIL = 0.03, 200
 SHORTEST = 1e-5
 """To which the step limit shrinks [rad]."""
 
+LASTING, FEW = 1.0, 10
+"""Time [s] and updates without coming closer after which a pose counts as the closest, of robots with other joints than
+servos."""
+
 CALM = 1e-3
 """Distance from rest [m] up to which a pose is one to come back to."""
 
@@ -245,6 +249,11 @@ class Tracker:
         self._plan = False, False
         self._seen: LinearState | None = None
         self._turning = 0.0
+        self._came = (
+            float("inf"),
+            0.0,
+            0,
+        )  # distance [m] at the last `STUCK` closer, when [s], updates since
         self._guidance.reset()
         if self.correction:
             self.correction.reset()
@@ -292,7 +301,9 @@ class Tracker:
                 result, command=self._smooth(result.command, state.stability_margin, beyond=beyond)
             )
         error, tilt = self._present_error(state, wanted)
-        activity = self._activity(result, beyond=beyond)
+        activity = self._activity(
+            result, beyond=beyond, advances=bool(state.held) and self._advances(result, now)
+        )
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
         closest = activity is Activity.CLOSEST
         if not state.held:  # the planner knows servos alone
@@ -480,7 +491,18 @@ class Tracker:
         self._torque = np.where(found <= maximum, maximum, found if self._torque is None else self._torque)
         return self._torque
 
-    def _activity(self, result: IkResult, *, beyond: bool) -> Activity:
+    def _advances(self, result: IkResult, now: float) -> bool:
+        """Return whether the effector came closer lately: steps that are damped remove little of the error each."""
+        distance, at, count = self._came
+        if (
+            result.error < (1 - STUCK) * distance or distance < (1 - STUCK) * result.error
+        ):  # closer, or another target
+            self._came = result.error, now, 0
+            return True
+        self._came = distance, at, count + 1
+        return now - at < LASTING or count < FEW
+
+    def _activity(self, result: IkResult, *, beyond: bool, advances: bool) -> Activity:
         if not result.ok:
             return Activity.SOLVER_FAILED
         if beyond:
@@ -488,6 +510,7 @@ class Tracker:
         on_the_way = (
             any(name.endswith((" speed", " step")) for name in result.active_limits)
             or result.residual < (1 - STUCK) * result.error
+            or advances
         )
         return (
             Activity.TRACKING

@@ -110,6 +110,7 @@ class RecordNode(Node):
         self._looks = 0
         self._taken: list[_Taken] = []
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
+        self._warned = dict[str, int]()
         self.create_service(Trigger, names.RECORD_START, self._on_start)
         self.create_service(Trigger, names.RECORD_STOP, self._on_stop)
         self.create_service(Trigger, names.RECORD_SPLIT, self._on_split)
@@ -130,6 +131,7 @@ class RecordNode(Node):
         directory = recording_directory(self._directory, self._name, datetime.now())
         writer = BagWriter(directory, compression=self._values["compression"])
         self._losses.clear()
+        self._warned.clear()
         self._types.clear()
         self._refused.clear()
         self._seen.clear()
@@ -180,6 +182,7 @@ class RecordNode(Node):
         if self._recorder.progress.state is State.FAILED:
             self.stop()
             return
+        self._warn_of_losses()
         self._looks += 1
         for name, types in self.get_topic_names_and_types():
             if not is_selected(name, self.get_namespace(), self._wanted, self._unwanted):
@@ -219,6 +222,7 @@ class RecordNode(Node):
         publishers = [p for p in self.get_publishers_info_by_topic(name) if p.topic_type == kind]
         if not publishers:
             return
+        self._losses[name].publishers |= {bytes(p.endpoint_gid) for p in publishers}
         offered = tuple(dict.fromkeys(offered_qos(p) for p in publishers))
         reliable, latched = listening(offered)
         if (listener := self._listeners.get(name)) is not None:
@@ -244,6 +248,7 @@ class RecordNode(Node):
         )
         recorder.add_topic(topic)
         losses = self._losses[topic.name]
+        losses.reliable = reliable
 
         def count(event: Any) -> None:
             losses.told += event.total_count_change
@@ -329,9 +334,33 @@ class RecordNode(Node):
     def _lost(self) -> int:
         return sum(losses.lost for losses in self._losses.values())
 
+    def _why_lost(self, progress: Progress) -> dict[str, str]:
+        """Return how many messages of each topic are lost and why, in words."""
+        words = defaultdict[str, list[str]](list)
+        for name, count in progress.dropped_of.items():
+            words[name].append(f"{count} of {name}: the disk was too slow or too full")
+        for name, losses in self._losses.items():
+            if losses.lost:
+                words[name].append(f"{losses.lost} of {name}: {losses.reason}")
+        return {name: "; ".join(told) for name, told in words.items()}
+
+    def _warn_of_losses(self) -> None:
+        """Name the topics of which messages get lost in the log, each again when twice as many are."""
+        assert self._recorder
+        progress = self._recorder.progress
+        for name, words in self._why_lost(progress).items():
+            lost = progress.dropped_of.get(name, 0) + self._losses[name].lost
+            if lost >= 2 * self._warned.get(name, 0):
+                self._warned[name] = lost
+                self.get_logger().warning(f"messages lost, {words}")
+
     def _summary(self, progress: Progress) -> str:
         lost = progress.dropped + progress.destroyed + self._lost
-        notes = [progress.rescue, f"nobody published {', '.join(absent)}" if (absent := self._absent) else ""]
+        notes = [
+            *self._why_lost(progress).values(),
+            progress.rescue,
+            f"nobody published {', '.join(absent)}" if (absent := self._absent) else "",
+        ]
         return "; ".join([f"{progress.messages} messages, {lost} lost", *filter(None, notes)])
 
     def _report(self) -> Report:

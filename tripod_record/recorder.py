@@ -2,10 +2,10 @@
 
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import IntEnum
 from pathlib import Path
@@ -41,6 +41,7 @@ class Progress:
         waiting: Size of the messages not yet written [B].
         destroyed: Messages lost because another program destroyed them in the file.
         rescue: What another program did to the file and what was done about it; empty if nothing.
+        dropped_of: The dropped messages by topic.
     """
 
     state: State
@@ -51,6 +52,7 @@ class Progress:
     waiting: int = 0
     destroyed: int = 0
     rescue: str = ""
+    dropped_of: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def is_whole(self) -> bool:
@@ -122,7 +124,8 @@ class Recorder:
         self._stamp, self._system_time = stamp or steady_stamps(), system_time
         self._queue: deque[_Message | Topic | _Attachment] = deque()
         self._waiting = 0
-        self._offered = self._dropped = self._destroyed = 0
+        self._offered = self._destroyed = 0
+        self._dropped = Counter[str]()
         self._state, self._error, self._rescued = State.RECORDING, "", ""
         self._stopping = False
         self._clock: int | None = None  # of the thread's processor time
@@ -139,10 +142,11 @@ class Recorder:
                 self._error,
                 self._writer.path,
                 self._writer.kept,
-                self._dropped,
+                self._dropped.total(),
                 self._waiting,
                 self._destroyed,
                 self._rescued,
+                dict(self._dropped),
             )
 
     def add_topic(self, topic: Topic) -> None:
@@ -181,7 +185,7 @@ class Recorder:
                 return False
             self._offered += 1
             if self._waiting + len(data) > self._queue_size:
-                self._dropped += 1
+                self._dropped[topic] += 1
                 return False
             now, system = self._stamp(), self._system_time()
             stamp = now - max(0, system - received) if received else now

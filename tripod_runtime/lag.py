@@ -66,8 +66,10 @@ def proposal(
             "if that is not enough, start with `--accuracy draft`"
         )
     replaced = "; ".join(word for word in words if word not in choice.overrides)
-    instead = f" instead of {percent(measured(found, here))}" if here else ""
-    told = "not known" if choice.measured is None else f"about {percent(choice.measured)}{instead} (measured)"
+    told = "not known"
+    if choice.measured is not None:
+        then, now = percent(choice.measured), percent(measured(found, here)) if here else ""
+        told = f"about {then}{f' instead of {now}' if now not in ('', then) else ''} (measured)"
     return (
         f"`--accuracy real-time` at the start, or real-time on the page, takes {changes(made, choice.settings)}"
         f"{f' in place of {replaced}' if replaced else ''}: error {told}"
@@ -126,5 +128,7 @@ class LagMonitor:
         stand_back()
         told = self._propose()
         if not self._closed:
-            self.proposal = f"each simulated second takes {speed.load:.2g} s of one core; {told}"
+            self.proposal = (
+                f"each simulated second takes {speed.load:.2g} s of one core, publishing included; {told}"
+            )
             self._say(self.words(speed))

@@ -105,9 +105,7 @@ class SimNode(Node):
         )
         self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(simulation.joints)
         self._join_graph(simulation)
-        self._transforms = (
-            Transforms(self, scene, values["frame_prefix"]) if self._arms and _described(self._arms) else None
-        )
+        self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(
             simulation,
             self._setpoint if resimulation is None else self._recorded,
@@ -229,8 +227,8 @@ class SimNode(Node):
 
     @property
     def speeds(self) -> list[float]:
-        """Slew rates of its servos [rad/s]."""
-        return [float(speed) for speed in self._limits.speed[: self._limits.count]]
+        """Slew rates of its joints without the slide [rad/s, m/s, N/s, Pa/s]."""
+        return [float(speed) for speed in self._limits.speed[:-1]]
 
     def leave(self) -> None:
         """Tell whose goal is followed that it ends."""
@@ -555,11 +553,6 @@ class SimNode(Node):
             return Level.WARN, "; ".join([slow, *self._too_seldom(speed.real_time_factor)]), values
         running = self._physics.activity is realtime.Activity.RUNNING
         return Level.OK, "running" if running else "paused", values
-
-
-def _described(joints: Joints) -> bool:
-    """Return whether URDF has a joint for any of them."""
-    return bool(joints.arms) or any(a.unit == "m" for a in joints.others)
 
 
 def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None) -> CommandLimits:

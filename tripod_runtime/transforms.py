@@ -18,7 +18,7 @@ class Transforms:
     """Publishes `robot_description` once, base_link and plate on /tf_static, all that moves on /tf."""
 
     def __init__(self, node: Node, scene: Scene, prefix: str) -> None:
-        """`scene` has servos; `prefix` stands before every frame but `world`."""
+        """`scene` has actuators; `prefix` stands before every frame but `world`."""
         self._joints, self._prefix = joints_of(scene), prefix
         self._moving = node.create_publisher(TFMessage, TF, RELIABLE)
         self._description = node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED)

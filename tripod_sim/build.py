@@ -130,6 +130,7 @@ def _built(model: Model, progress: Progress | None = None, say: Say | None = Non
         parts,
         notes=(*notes, *said, *draft.notes),
         watches=tuple(draft.watches),
+        assembly=assembly,
         soft=shown(assembly)[2],
         solver=model.solver,
         plate=draft.plate,

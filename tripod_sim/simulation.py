@@ -30,7 +30,9 @@ from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.acting_forces import ActingForces, Forces
     from tripod_sim.contact.contact_solver import ContactSolver
+    from tripod_sim.fields import NodalFields
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -111,6 +113,9 @@ class Simulation:
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
         notes: What users should know of the scene.
     """
+
+    _acting: "ActingForces | None" = None
+    _ended = False  # whether the state is the end of a step of which what `forces` needs is kept
 
     def __init__(
         self,
@@ -352,6 +357,7 @@ class Simulation:
             StepError: the step could not be saved; the state is the last good one.
         """
         goal = self.command if joints is None else self._checked(joints)
+        self._ended = False
         begin = time.thread_time() if self._mesh_error else 0.0
         self.renew()
         try:
@@ -404,6 +410,7 @@ class Simulation:
             raise SceneError(f"steps is {shown(steps)}; it must be a whole number, at least 1")
         many = getattr(self._stepper, "advance", None)
         if many and not (self._servos or self._ball):
+            self._ended = False
             self.report = many(self.state, self.command, self.scene.dt, steps)
             self._keep_forces(self._system)
             return self.report
@@ -415,8 +422,9 @@ class Simulation:
 
     def _keep_forces(self, system: System) -> None:
         """Keep what holds the nodes at the end of a step, for `reactions`: `system` is evaluated elsewhere, too."""
-        if self.scene.marker:
+        if self.scene.marker or self._acting:
             self._held_by[:] = system.gradient
+            self._ended = True
 
     def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> None:
         """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
@@ -472,7 +480,8 @@ class Simulation:
         self._forget_rest()
         self._prepare()
         self.efforts = self._start_torques.copy()
-        self._held_by[:] = self._start_held_by
+        self._held_by[:] = self._start_held_by if self.scene.marker else np.nan
+        self._ended = False
         self.report = StepReport()
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.start(self.state)
@@ -494,11 +503,13 @@ class Simulation:
                 beside += kinematic.placed()
             put_back(rigid, self.state.rigid, number, beside)
             self._stepper.forget()
+            self._ended = False
             return
         if not (self._ball and self.state.ball):
             raise SceneError(f"scene {self.scene.name!r} has no ball; add [maze] and [ball]")
         self._ball.start(self.state).copy_to(self.state.ball)
         self._load_ball()
+        self._ended = False
         if self._parts.chosen:
             self._parts.chosen.ball_starts(self.state)
 
@@ -537,6 +548,7 @@ class Simulation:
         state.copy_to(self.state)
         self.efforts = np.array(efforts, dtype=float)
         self._held_by.fill(np.nan)
+        self._ended = False
         self._load_ball()
         self._forget_rest()
         self._stepper.forget()
@@ -637,6 +649,17 @@ class Simulation:
         skin = self._parts.skin
         return skin.vertices(positions) if skin else positions
 
+    def fields(self) -> "NodalFields":
+        """Return what computes fields on the nodes of `skin` from positions of the mesh's nodes (see `fields`)."""
+        from tripod_sim.fields import NodalFields  # noqa: PLC0415 - only on request
+
+        nodes = self.mesh.nodes
+        numbers = np.repeat(np.arange(float(len(nodes)))[:, None], 3, axis=1)
+        apart = self.shown(numbers) - self.shown(
+            np.zeros_like(numbers)
+        )  # vertices keep their distance to a node
+        return NodalFields(self._system.elastic.terms, nodes, np.rint(apart[:, 0]).astype(np.int64))
+
     @property
     def solver(self) -> Solver:
         """How its steps are solved, with the tolerance that the scene leaves open."""
@@ -712,6 +735,36 @@ class Simulation:
         if self.scene.inertia and self.scene.inertia.explicit:
             forces = forces * self._system.groups.held()[nodes]
         return forces.sum(axis=0), np.cross(self.state.positions[nodes], forces).sum(axis=0)
+
+    def keep_forces(self) -> None:
+        """Keep what `forces` needs, from the next step on. Results stay the same."""
+        if self._acting:
+            return
+        from tripod_sim.acting_forces import ActingForces  # noqa: PLC0415 - only on request
+
+        self._acting = ActingForces(self._parts, contact=bool(self._model.contact))
+        if not len(self._held_by):
+            self._held_by = np.full_like(self.state.positions, np.nan)
+        integrator = integrator_of(self._stepper)
+        if hasattr(integrator, "writes_forces"):
+            integrator.writes_forces = True
+
+    @property
+    def force_groups(self) -> tuple[str, ...]:
+        """Names of the groups of `forces`; empty before `keep_forces`."""
+        return self._acting.groups if self._acting else ()
+
+    def forces(self) -> "tuple[Forces, ...]":
+        """Return what acts on the bodies at the end of the last step, in groups; see `acting_forces`.
+
+        They are computed here and cost a step nothing. Where the state is not the end of a step, such as at the start
+        and after `reset` or `restore`, forces are not known: there are no groups then.
+
+        Raises SceneError without `keep_forces` before.
+        """
+        if not self._acting:
+            raise SceneError("forces of steps are not kept; call keep_forces() before the first step")
+        return self._acting.at(self.state, self._held_by, self.efforts) if self._ended else ()
 
     @property
     def ball(self) -> Pose | None:

@@ -25,6 +25,9 @@
 | `maze_goal` | 4 | centre of the goal in the frame of the disc, radius [m]; with a maze that has one |
 | `still_vertices`, `still_triangles` | v, 3 and t, 3 | of the obstacles [m]; with any |
 | `event_times`, `event_texts` | e | events: time [s], text |
+| `force_names`, `force_units` | g | groups of `--forces`, with that option: name, unit |
+| `force_counts` | k, g | how many vectors each has |
+| `force_points`, `force_vectors` | p, 3 | of the first step, group by group, then of the next: place [m], force |
 """
 
 import json
@@ -34,6 +37,7 @@ from typing import Any
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.writing import check_place, replaced
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.scene.file import scene_to_toml
@@ -59,6 +63,8 @@ UNITS = {
     "maze_goal": "m",
     "still_vertices": "m",
     "event_times": "s",
+    "force_points": "m",
+    "force_vectors": "force_units",
 }
 """Of the arrays."""
 
@@ -69,10 +75,14 @@ class Recording:
     Attributes:
         count: Steps that are in it: another thread may read what is before.
         dt: Of a step [s].
+        fields: Returns what computes fields of the recorded positions.
     """
 
-    def __init__(self, simulation: Simulation, steps: int) -> None:
-        """Raises SceneError where `steps`, the most that it takes, need more memory than there is, or are none."""
+    def __init__(self, simulation: Simulation, steps: int, *, forces: bool = False) -> None:
+        """Raises SceneError where `steps`, the most that it takes, need more memory than there is, or are none.
+
+        `forces`: whether it has the forces on the bodies, too.
+        """
         if not isinstance(steps, int | np.integer) or steps < 1:
             raise SceneError(f"steps is {shown(steps)}; it must be a whole number, at least 1")
         nodes, servos, rigid = (
@@ -114,11 +124,15 @@ class Recording:
                 f"the results of the run need {size / 1000000000.0:.1f} GB of memory, more than is free; "
                 "shorten --duration or enlarge dt"
             ) from None
-        self._still = _still(simulation)
+        self._still, self._forces = _still(simulation), None
         there = {*shapes, *self._still, "event_times"}
+        if forces:
+            self._forces = RecordedForces(simulation, steps, MOST_BYTES - size)
+            self._still |= self._forces.still
+            there |= {"force_points", "force_vectors"}
         self._still["units"] = np.array(json.dumps({n: unit for n, unit in UNITS.items() if n in there}))
         self._events: list[tuple[float, str]] = []
-        self.count, self.dt = 0, simulation.scene.dt
+        self.count, self.dt, self.fields = 0, simulation.scene.dt, simulation.fields
 
     def add(self, simulation: Simulation) -> None:
         """Add the present state of `simulation`. Raises SceneError where there is no room for one more."""
@@ -146,6 +160,8 @@ class Recording:
                 a[name][k] = _row(pose)
         for i, pose in enumerate(simulation.rigid):
             a["rigid"][k, i] = _row(pose)
+        if self._forces:
+            self._forces.add(simulation, k)
         event = simulation.ball_event
         if event and not (self._events and self._events[-1][1] == event):
             self._events.append((state.time, event))
@@ -155,6 +171,8 @@ class Recording:
         """Return what is in it from step `first` on, by the names that the module's table tells."""
         end = self.count
         found: dict[str, Any] = {name: a[first:end] for name, a in self._moving.items()}
+        if self._forces:
+            found |= self._forces.arrays(first, end)
         events = list(self._events)
         found["event_times"] = np.array([time for time, _ in events])
         found["event_texts"] = np.array([text for _, text in events], dtype=str)
@@ -169,6 +187,55 @@ class Recording:
                 np.savez(file, allow_pickle=False, **self.arrays())
         except OSError as error:
             raise unwritable("--out", path, error) from None
+
+
+class RecordedForces:
+    """The forces on the bodies in each step of a run: as many as there are then.
+
+    Attributes:
+        still: Arrays that stay the same.
+    """
+
+    def __init__(self, simulation: Simulation, steps: int, most: float) -> None:
+        """`steps`: the most that it takes; `most`: bytes."""
+        from tripod_sim.acting_forces import UNITS  # noqa: PLC0415 - only on request
+
+        simulation.keep_forces()
+        self._names, self._most = simulation.force_groups, most
+        units = [UNITS[name] for name in self._names]
+        self.still = {
+            "force_names": np.array(self._names, dtype=str),
+            "force_units": np.array(units, dtype=str),
+        }
+        self._counts: IndexArray = np.zeros((steps, len(self._names)), dtype=np.int64)
+        self._ends: IndexArray = np.zeros(steps + 1, dtype=np.int64)
+        self._rows: FloatArray = np.zeros((256, 6))
+
+    def add(self, simulation: Simulation, k: int) -> None:
+        """Add those of step `k`. Raises SceneError where they need too much memory."""
+        groups, end = simulation.forces(), int(self._ends[k])
+        for g, group in enumerate(groups):
+            count = self._counts[k, g] = len(group.points)
+            if end + count > len(self._rows):
+                room = 2 * (end + count)
+                if 48.0 * room > self._most:
+                    raise SceneError(
+                        f"the forces of {k} steps take more than {MOST_BYTES / 1e9:g} GB with all else that is "
+                        "recorded; shorten --duration, or leave --forces out"
+                    )
+                self._rows = np.concatenate([self._rows[:end], np.zeros((room - end, 6))])
+            self._rows[end : end + count, :3], self._rows[end : end + count, 3:] = group.points, group.vectors
+            end += count
+        self._ends[k + 1] = end
+
+    def arrays(self, first: int, end: int) -> dict[str, Any]:
+        """Return those of the steps from `first` to before `end`."""
+        rows = self._rows[self._ends[first] : self._ends[end]]
+        return {
+            "force_counts": self._counts[first:end],
+            "force_points": rows[:, :3],
+            "force_vectors": rows[:, 3:],
+        }
 
 
 def check_out(option: str, path: Path | None, suffixes: tuple[str, ...]) -> None:

@@ -44,6 +44,7 @@ def run(
     actuate: Sequence[str] = (),
     overrides: Sequence[str] = (),
     out: Path | None = None,
+    forces: bool = False,
     recorded: Callable[[Recording], None] | None = None,
     progress: Callable[[float], None] | None = None,
     say: Callable[[str], None] | None = None,
@@ -62,6 +63,7 @@ def run(
         overrides: Words `dotted.path=value`.
         out: File (`.npz`) for every step, see `tripod_study.recording`; of the steps that were made, if the run breaks
             off.
+        forces: Whether the recording has the forces on the bodies.
         recorded: Called before the first step with the recording, which grows with each step; None: there is none
             unless `out` is given.
         progress: Called with the finished fraction after each step.
@@ -101,7 +103,7 @@ def run(
         simulation = Simulation(description, progress, say=say, noted=noted)
     if say:
         say("")
-    recording = Recording(simulation, steps) if out or recorded else None
+    recording = Recording(simulation, steps, forces=forces) if out or recorded else None
     if recording and recorded:
         recorded(recording)
     books = EnergyBooks(simulation.energies(), *simulation.joint_work())
@@ -177,6 +179,7 @@ def run(
         "figures": {
             "accuracy": accuracy.line,
             "quantity": accuracy.quantity,
+            "size": accuracy.size,
             "finer": finer(accuracy),
             "error": {"measured": accuracy.measured, "bound": accuracy.bound},
             "effects": named(description),
@@ -311,7 +314,7 @@ def _astray(error: float, simulation: Simulation) -> list[str]:
     return [
         (
             f"the estimated error of the time steps exceeded the size of the body ({1000.0 * size:.3g} "
-            "mm), so the positions from then on are not reliable; take a smaller dt"
+            "mm): dt is too large, or the estimate fails here; compare with half of dt, or take another scheme"
         )
     ]
 

@@ -2,10 +2,7 @@
 
 import csv
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,15 +14,18 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 import rclpy
+from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import ControlMode
+from tripod_msgs.msg import ControlMode, IkStatus
 
-from tests.bringup.processes import DEADLINE
+from tests.bringup.processes import DEADLINE, play_to_simulator
 from tests.bringup.test_whole_chain import start
 from tests.domains import own_domain
+from tests.driver.conftest import Client
 from tests.messages import assert_names
+from tests.sim.actuator_scenes import mixed
 from tripod_bringup import cli
 from tripod_bringup.bag_plot import joint_units, panels
 from tripod_graph import names
@@ -114,21 +114,59 @@ def test_cables_are_recorded_drawn_and_made_again_bit_for_bit(tmp_path: Path) ->
         "mm",
         "N",
     }
+    assert_names(play_to_simulator(file), "steps made again", "bit for bit")
+
+
+def test_a_servo_a_cable_and_a_chamber_play_a_script_and_seek_a_target(tmp_path: Path) -> None:
+    played = {"servo_0": 0.2, "tendon": 0.004, "air": 3e3, "push": 0.0}
+    script = ["--servo", "0: 0; 0.5: 0.2"]
+    for line in ("tendon=0: 0; 0.5: 4mm", "air=0: 0; 0.5: 3kPa"):
+        script += ["--actuate", line]
+    scene = mixed(tmp_path)
     with own_domain() as domain:
-        environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
-        command = [sys.executable, "-m", "tripod_bringup", "bag", "play", str(file), "--to", "sim"]
-        played = subprocess.run(
-            [*command, "--rate", "inf"],
-            env=environment,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=DEADLINE,
-            check=False,
-        )
-    assert played.returncode == 0, played.stderr
-    assert_names(played.stdout, "steps made again", "bit for bit")
+        words = ["--no-view", "--record", "bags", *script]
+        process, client = start(scene, *words, directory=tmp_path, domain=domain), Client(domain, "/")
+        states, poses, reached = list[JointState](), list[PoseStamped](), list[IkStatus]()
+        for kind, topic, heard in (
+            (JointState, names.SIM_JOINT_STATES, states),
+            (PoseStamped, names.EFFECTOR_POSE, poses),
+            (IkStatus, names.IK_STATUS, reached),
+        ):
+            client.node.create_subscription(kind, topic, heard.append, RELIABLE)
+        mode = client.node.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        targets = client.node.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
+
+        def there() -> bool:
+            told = states[-1] if states else JointState()
+            found = {
+                n: e if n in ("air", "push") else p
+                for n, p, e in zip(told.name, told.position, told.effort, strict=True)
+            }
+            return {n: found.get(n) for n in played} == pytest.approx(played, rel=1e-6, abs=1e-9)
+
+        try:
+            client.wait(lambda: process.poll() is not None or there(), "the end of the script")
+            target = PoseStamped()
+            target.header.frame_id, target.pose = names.WORLD, poses[-1].pose
+            target.pose.position.x -= 1e-3
+            target.pose.position.z += 2e-3
+            decision = ControlMode(mode=ControlMode.IK, source="/me", lease=600.0)
+            decision.header.stamp = client.node.get_clock().now().to_msg()
+            mode.publish(decision)
+            client.wait(
+                lambda: reached and reached[-1].state == IkStatus.TRACKING and 0.0 <= reached[-1].error < 1e-5
+                and reached[-1].target.z == target.pose.position.z,
+                "the target", meanwhile=lambda: targets.publish(target),
+            )  # fmt: skip
+            assert list(reached[-1].joint_names) == list(played)
+            client.wait(
+                lambda: abs(poses[-1].pose.position.z - target.pose.position.z) < 1e-4, "the effector"
+            )
+        finally:
+            client.close()
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 0, err
+    file = next((tmp_path / "bags").glob("*/*.mcap"))
+    assert joint_units(Bag(file)) == {"servo_0": "rad", "tendon": "m", "air": "Pa", "push": "N"}
+    assert_names(play_to_simulator(file), "steps made again", "bit for bit")

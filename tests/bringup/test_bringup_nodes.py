@@ -145,6 +145,11 @@ def test_the_watch_tells_what_the_recorder_complains_of(spin: Callable[..., None
     said.append((Level.WARN, "it goes on elsewhere"))
     spin(told("record: it goes on elsewhere"))
     robot = other.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    other.create_subscription(RobotStatus, names.ROBOT_STATUS, print, RELIABLE)
+    spin(lambda: watch.count_subscribers(names.ROBOT_STATUS) == 2)
+    assert not watch.is_recorded(names.ROBOT_STATUS)
+    record.create_subscription(RobotStatus, names.ROBOT_STATUS, print, RELIABLE)
+    spin(lambda: watch.is_recorded(names.ROBOT_STATUS))
 
     def complain(note: str) -> Callable[[], bool]:
         def check() -> bool:

@@ -15,7 +15,7 @@ from tripod_bringup import cli, up_cli, up_command
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.script import joint_path
 from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
-from tripod_sim import SceneError, load_scene, scene_names
+from tripod_sim import load_scene, scene_names
 from tripod_sim.scene.file import field_names
 
 
@@ -169,9 +169,15 @@ def test_a_shell_completes_ports_and_recordings(tmp_path: Path) -> None:
         (["tripod", "--slide", "0.01"], ("--slide", "--servo")),
         (["tripod", "--servo", "0:0,0,0", "--demo"], ("--demo", "--servo")),
         (["pendulum", "--servo", "0:0,0,0"], ("--servo", "scene 'pendulum'", "no servos")),
+        (["pendulum", "--actuate", "left=0:0"], ("--actuate", "scene 'pendulum'", "no actuators")),
+        (["finger_cable", "--servo", "0:0,0,0"], ("--servo", "scene 'finger_cable'", "no servos")),
+        (["finger_cable", "--actuate", "middle=0:0"], ("--actuate", "middle", "left, right")),
+        (["finger_cable", "--actuate", "left=0:0; 1:90mm"], ("--actuate left", "0.09 m", "0 to 0.03 m")),
+        (["finger_cable", "--actuate", "left=0:0; 1:90kPa"], ("--actuate left", "90kPa", "no number in m")),
+        (["finger_cable", "--actuate", "left=0:0", "--actuate", "left=0:0"], ("--actuate", "left", "twice")),
     ],
 )
-def test_a_servo_script_is_checked_before_anything_starts(words: list[str], named: tuple[str, ...]) -> None:
+def test_a_script_is_checked_before_anything_starts(words: list[str], named: tuple[str, ...]) -> None:
     for command in ("up", "sim") if "--demo" not in words else ("up",):
         result = tripod(command, *words)
         assert result.exit_code == 2
@@ -187,5 +193,19 @@ def test_a_servo_script_is_a_motion_of_angles_and_slide() -> None:
     assert still is not None
     assert still.joints.tolist() == [[-0.1, 0, 0]] * 2
     assert joint_path("tripod", [], None, None) is None
-    with raises_naming(SceneError, "--servo", "'finger_cable'", "left, right", "joint_trajectory"):
-        joint_path("finger_cable", [], "0:0,0,0", None)
+
+
+def test_joints_that_a_script_does_not_name_stay_where_they_start() -> None:
+    path = joint_path("finger_cable", [], None, None, ["right = 0.5: 2mm; 1: 4mm"])
+    assert path is not None
+    assert (path.servos, path.others) == (0, ("left", "right"))
+    assert path.at(0.75).tolist() == pytest.approx([0.0, 0.003])
+    push = 'force=[{name="push", set="all", direction=[1, 0, 1], range=[-0.3, 0.3]}]'
+    words = [push, "servos.angles=[-0.8, -0.7, -0.6]", "motion=off"]
+    mixed = joint_path("tripod", words, None, None, ["push=0:0; 1:0.2N"])
+    assert mixed is not None
+    assert (mixed.servos, mixed.others) == (3, ("push",))
+    assert mixed.at(1.0).tolist() == pytest.approx([-0.8, -0.7, -0.6, 0.2])
+    both = joint_path("tripod", words, "0:0,0,0; 2:-0.5,-0.5,-0.5", "0.01", ["push=0:0; 1:0.2N"])
+    assert both is not None
+    assert both.at(1.0).tolist() == pytest.approx([-0.25, -0.25, -0.25, 0.2, 0.005])

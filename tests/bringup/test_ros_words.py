@@ -280,5 +280,5 @@ def test_a_servo_script_moves_the_simulator_and_stop_ends_it(domain: int) -> Non
         process.send_signal(2)
         _, said = process.communicate(timeout=DEADLINE)
         assert process.returncode == 0
-        assert lines_naming(said, "servo script", "STOP", "operator")
+        assert lines_naming(said, "script: ", "STOP", "operator")
         assert "Traceback" not in said

@@ -129,6 +129,12 @@ def test_what_is_below_the_noise_is_not_shown() -> None:
     assert_names(found["result"], "below 0.001 mm", "at rest")
 
 
+def test_an_error_is_told_of_how_much() -> None:
+    measured = {"error": {"measured": 0.35}, "quantity": "tip", "size": 0.0195}
+    text = run_summary._error({"figures": measured}, own_motion=False)
+    assert_names(text, "35 % of 19.5 mm", "tip")
+
+
 def test_a_motion_that_grows_leads_to_smaller_steps() -> None:
     assert_names(short(instability="grew")["next"], "tripod run cloth --set dt=0.005")
 
@@ -140,4 +146,4 @@ def test_an_estimated_error_beyond_the_motion_says_so(largest: float, *, warned:
     measured = {"error": {"measured": 0.13}, "quantity": "ends of the strips"}
     text = run_summary._error(result | {"figures": measured}, own_motion=False)
     assert_names(text, "13 %", "ends of the strips", "node 3", f"{1e3 * largest:.2g} mm")
-    assert names(text, "not reliable", "smaller dt") == warned
+    assert names(text, "estimate fails", "half of dt") == warned

@@ -2,10 +2,7 @@
 
 import csv
 import json
-import os
 import signal
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from collections import defaultdict
 from dataclasses import dataclass
@@ -17,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from typer.testing import CliRunner
 
 from tests.bringup.console import Script
-from tests.bringup.processes import DEADLINE
+from tests.bringup.processes import DEADLINE, play_to_simulator
 from tests.domains import own_domain
 from tests.messages import assert_names, names
 from tests.scenes import FIVE_LEGS
@@ -308,32 +305,4 @@ def test_a_recording_is_read_drawn_and_played_again(recorded: tuple[Robot, Path]
     for topic in (topics.SIM_JOINT_STATES, topics.ROBOT_JOINT_STATES):
         found = [name for name in head if name.startswith(f"{topic}.position.servo_")]
         assert found == [f"{topic}.position.{name}" for name in servo_names(robot.servos)]
-    with own_domain() as domain:
-        environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
-        command = [
-            sys.executable,
-            "-m",
-            "tripod_bringup",
-            "bag",
-            "play",
-            str(file),
-            "--to",
-            "sim",
-            "--rate",
-            "inf",
-        ]
-        played = subprocess.run(
-            command,
-            env=environment,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=DEADLINE,
-            check=False,
-        )
-    assert played.returncode == 0, played.stderr
-    assert_names(played.stdout, "steps made again", "bit for bit")
+    assert_names(play_to_simulator(file), "steps made again", "bit for bit")

@@ -73,7 +73,8 @@ def test_each_scene_that_comes_along_is_shown_with_all_that_is_in_it(name: str) 
 
 def test_a_run_writes_what_is_asked_and_says_so(tmp_path: Path) -> None:
     page, plot, out = (tmp_path / f"run.{kind}" for kind in ("html", "png", "npz"))
-    result = tripod(*SHORT, "--html", str(page), "--plot", str(plot), "--out", str(out))
+    colour = ["--colour", "stretch"]
+    result = tripod(*SHORT, "--html", str(page), "--plot", str(plot), "--out", str(out), *colour)
     assert result.exit_code == 0, result.output
     assert re.search(r"^files +.*run\.html \(0\.\d+ MB\)", result.output, re.MULTILINE)
     assert "Simulated by tripod" in page.read_text()
@@ -81,10 +82,57 @@ def test_a_run_writes_what_is_asked_and_says_so(tmp_path: Path) -> None:
     with np.load(out) as arrays:
         assert len(arrays["time"]) == 20
     again = tmp_path / "again.html"
-    shown = tripod("show", str(out), "--html", str(again))
+    shown = tripod("show", str(out), "--html", str(again), *colour)
     assert shown.exit_code == 0, shown.output
     assert shown.stdout.startswith(f"{again}  0.")
-    assert again.read_bytes() == page.read_bytes()
+    assert again.read_bytes() == page.read_bytes()  # fields are found again
+
+
+def stage_of(page: Path) -> dict[str, Any]:
+    found = re.search(
+        r'<script id="film" type="application/json">(.*?)</script>', page.read_text(), re.DOTALL
+    )
+    assert found
+    return dict(json.loads(found[1]))
+
+
+@pytest.mark.parametrize(
+    ("colour", "colouring"),
+    [
+        ([], None),
+        (["--colour", "stretch:1:1.5"], {"name": "largest stretch", "limits": [1.0, 1.5]}),
+        (["--colour", "tension"], {"name": "largest spring tension"}),
+    ],
+)
+def test_a_page_begins_with_the_colours_of_a_field(
+    colour: list[str], colouring: dict[str, Any] | None, tmp_path: Path
+) -> None:
+    """All fields of the bodies can be chosen, in the limits of the whole film."""
+    page = tmp_path / "run.html"
+    assert tripod(*SHORT, "--html", str(page), *colour).exit_code == 0
+    stage = stage_of(page)
+    fields = [(field["name"], field["unit"], field["signed"]) for field in stage["bodies"][0]["fields"]]
+    assert fields == [
+        ("displacement", "m", False), ("largest stretch", "", False), ("largest spring tension", "N", True)
+    ]  # fmt: skip
+    if colouring and "limits" not in colouring:
+        low, high = stage["colouring"].pop("limits")
+        assert -low == high > 0
+    assert stage["colouring"] == colouring
+
+
+def test_a_saved_run_has_colours_only_where_they_are_asked_for(tmp_path: Path) -> None:
+    page, out = tmp_path / "run.html", tmp_path / "run.npz"
+    assert tripod(*SHORT, "--out", str(out)).exit_code == 0
+    assert tripod("show", str(out), "--html", str(page)).exit_code == 0
+    assert stage_of(page)["bodies"][0]["fields"] == []
+    whole = dict(np.load(out))
+    whole["scene"] = str(whole["scene"]).replace("nodes = 10", "nodes = 9")
+    np.savez(out, **whole)
+    result = tripod("show", str(out), "--html", str(page), "--colour", "stretch")
+    assert result.exit_code == 2
+    assert_names(result.output, "tripod show: ", "--colour", "9 nodes")
+    assert result.output.count("\n") == 1
 
 
 def test_the_files_are_in_the_json(tmp_path: Path) -> None:
@@ -100,6 +148,12 @@ def test_the_files_are_in_the_json(tmp_path: Path) -> None:
         (["--plot", "a.jpg"], ("--plot 'a.jpg'", ".png")),
         (["--gif", "a.mp4"], ("--gif 'a.mp4'", ".gif")),
         (["--out", "a.csv"], ("--out 'a.csv'", ".npz")),
+        (["--html", "a.html", "--colour", "heat"], ("--colour 'heat'", "von_mises", "stretch")),
+        (["--html", "a.html", "--colour", "stretch:2:1"], ("--colour 'stretch:2:1'", "stretch:0:2e4")),
+        (["--html", "a.html", "--colour", "stretch:1"], ("--colour 'stretch:1'", "stretch:0:2e4")),
+        (["--html", "a.html", "--colour", "stretch:1:nan"], ("--colour 'stretch:1:nan'", "stretch:0:2e4")),
+        (["--html", "a.html", "--colour", "von_mises"], ("--colour", "displacement, stretch, tension")),
+        (["--colour", "stretch"], ("--colour 'stretch'", "--html")),
         (["--html", "gone/a.html"], ("--html 'gone/a.html'", "no directory gone")),
         (["--gif", "a.gif"], ("--gif", "ffmpeg", "sudo apt-get install ffmpeg")),
         (["--mp4", "a.mp4"], ("--mp4", "ffmpeg", "sudo apt-get install ffmpeg")),

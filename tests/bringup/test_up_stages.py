@@ -26,16 +26,20 @@ from tripod_sim.tables.joints import Actuator
 
 
 class FakeWatch:
-    """What `stages` asks of the watch: which topics were heard or are offered."""
+    """What `stages` asks of the watch: which topics were heard or are offered, and which the recorder hears."""
 
     def __init__(self) -> None:
         self.topics: set[str] = set()
+        self.recorded: set[str] = set()
 
     def heard(self, topic: str) -> bool:
         return topic in self.topics
 
     def is_published(self, topic: str) -> bool:
         return topic in self.topics
+
+    def is_recorded(self, topic: str) -> bool:
+        return topic in self.recorded
 
 
 def started(options: UpOptions, facts: Facts | None = None, watch: FakeWatch | None = None) -> Any:
@@ -52,6 +56,23 @@ def test_the_recorder_comes_first_and_the_driver_last() -> None:
     specs = [spec for stage in plan for spec in stage]
     assert {spec.name: spec.exit_code for spec in specs} == EXIT_CODES
     assert all(spec.module == f"{node_package(spec.name)}.node" for spec in specs)
+
+
+def test_simulator_and_driver_wait_until_the_recorder_hears_them() -> None:
+    watch = FakeWatch()
+    watch.topics = {names.SIM_STATUS, names.ROBOT_STATUS}
+    chosen = {"record": {"topics": "/tf"}}
+
+    def ready(**options: Any) -> dict[str, bool]:
+        plan = started(UpOptions(**options), watch=watch)
+        return {spec.name: spec.ready() for stage in plan for spec in stage if spec.name in ("sim", "driver")}
+
+    assert ready() == ready(record=Path("bags"), values=chosen) == {"sim": True, "driver": True}
+    assert ready(record=Path("bags")) == {"sim": False, "driver": False}
+    watch.recorded = {names.SIM_STATUS}
+    assert ready(record=Path("bags")) == {"sim": True, "driver": False}
+    watch.recorded |= watch.topics
+    assert ready(record=Path("bags")) == {"sim": True, "driver": True}
 
 
 def test_what_is_not_wanted_is_not_started() -> None:
@@ -141,7 +162,7 @@ def test_a_node_is_ready_when_it_does_its_work() -> None:
     assert not any(check() for check in ready.values())
     facts.recording, facts.page = "a.mcap", "http://127.0.0.1:1"
     assert [name for name, check in ready.items() if check()] == ["record", "view"]
-    watch.topics = {names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS}
+    watch.topics = watch.recorded = {names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS}
     assert all(check() for check in ready.values())
 
 

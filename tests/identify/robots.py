@@ -81,7 +81,7 @@ def write_csv(path: Path, data: Measured) -> Path:
     head += [f"{c.label}_{'deg' if c.angle else 'mm'}" for c in data.channels]
     slide = [] if data.slide is None else [1e3 * data.slide[:, None]]
     sizes = [np.degrees(1) if c.angle else 1e3 for c in data.channels]
-    table = np.column_stack([np.degrees(data.angles), *slide, data.values * sizes])
+    table = np.column_stack([np.degrees(data.commands), *slide, data.values * sizes])
     rows = [",".join(f"{v:.9g}" for v in row) for row in table]
     path.write_text("\n".join([",".join(head), *rows]) + "\n")
     return path

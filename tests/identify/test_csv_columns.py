@@ -11,8 +11,16 @@ from tripod_identify.csv_columns import Channel, read_header
 from tripod_identify.errors import DataError
 from tripod_identify.measured import read_csv
 from tripod_identify.observe import parse_point
+from tripod_sim.tables.joints import Actuator
 
 SOURCES = ("effector", "imu", "tip")
+PUMP = Actuator("pump", "m³", 0.0, 2e-6, 0.0)
+PULL = Actuator("tip_x", "m", 0.0, 0.03, 0.0, pulls=True)
+AIR = Actuator("air", "Pa", -1e4, 2e4, 0.0, is_effort=True)
+
+
+def servos(count: int) -> tuple[Actuator, ...]:
+    return tuple(Actuator(f"servo_{i}", "rad", -1.0, 1.0, 0.0) for i in range(count))
 
 
 def test_units_and_names_are_read() -> None:
@@ -26,9 +34,9 @@ def test_units_and_names_are_read() -> None:
         "imu.rx_deg",
         "note_x_mm",
     ]
-    found = read_header(header, SOURCES, 2, {})
+    found = read_header(header, SOURCES, servos(2), {})
     assert found.time == (0, 1e-3)
-    assert found.servos == ((1, pytest.approx(np.pi / 180)), (2, 1.0))
+    assert found.commands == ((1, pytest.approx(np.pi / 180)), (2, 1.0))
     assert found.slide == (3, 1e-3)
     assert [(place, size, c) for place, size, c in found.channels] == [
         (4, 1e-2, Channel("effector", 0)),
@@ -39,13 +47,41 @@ def test_units_and_names_are_read() -> None:
 
 
 def test_renaming_makes_a_column_known() -> None:
-    found = read_header(["q0_rad", "measured_x_mm"], SOURCES, 1, {"q0": "servo_0", "measured": "effector"})
-    assert found.servos == ((0, 1.0),)
+    found = read_header(
+        ["q0_rad", "measured_x_mm"], SOURCES, servos(1), {"q0": "servo_0", "measured": "effector"}
+    )
+    assert found.commands == ((0, 1.0),)
     assert found.channels[0][2] == Channel("effector", 0)
 
 
+def test_commands_of_other_joints_are_columns_of_their_names() -> None:
+    joints = (*servos(1), PULL, AIR, PUMP)
+    header = ["pump_ml", "tip_x_mm", "air_kPa", "tip.x_mm", "servo_0_deg"]
+    found = read_header(header, SOURCES, joints, {})
+    assert found.commands == ((4, pytest.approx(np.pi / 180)), (1, 1e-3), (2, 1e3), (0, 1e-6))
+    assert [c for *_, c in found.channels] == [Channel("tip", 0)]  # a set; the joint tip_x is commanded
+    renamed = read_header(["p_bar", "tip.x_mm"], SOURCES, (AIR,), {"p": "air"})
+    assert renamed.commands == ((0, 1e5),)
+
+
 @pytest.mark.parametrize(
-    ("header", "servos", "named"),
+    ("header", "named"),
+    [
+        (["air_kPa", "tip.x_mm"], ("for air", "not for tip_x", "tip_x_mm")),
+        (["tip_x_kPa", "air_kPa", "tip.x_mm"], ("'tip_x_kPa'", "pressure", "length: m, cm, mm")),
+        (["tip_x_mm", "air_mm", "tip.x_mm"], ("'air_mm'", "length", "pressure: Pa, kPa, mbar, bar")),
+        (["tip_x_mm", "tip_x_m", "air_kPa", "tip.x_mm"], ("'tip_x_m'", "another column")),
+        (["tip_x_mm", "air_kPa", "servo_0_rad", "tip.x_mm"], ("servo_0", "0 servos")),
+    ],
+)
+def test_a_wrong_header_of_other_joints_is_one_line(header: list[str], named: tuple[str, ...]) -> None:
+    with raises_naming(DataError, *named) as error:
+        read_header(header, SOURCES, (PULL, AIR), {})
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "count", "named"),
     [
         (["servo_0_rad", "effector.x"], 1, ("'effector.x'", "no unit", "effector.x_mm")),
         (["effector.x_rad"], 0, ("'effector.x_rad'", "angle", "length: m, cm, mm")),
@@ -56,9 +92,9 @@ def test_renaming_makes_a_column_known() -> None:
         (["t_s", "sofa_x_mm"], 0, ("effector, imu, tip", "sofa_x_mm", "--rename OLD=NEW")),
     ],
 )
-def test_a_wrong_header_is_one_line(header: list[str], servos: int, named: tuple[str, ...]) -> None:
+def test_a_wrong_header_is_one_line(header: list[str], count: int, named: tuple[str, ...]) -> None:
     with raises_naming(DataError, *named) as error:
-        read_header(header, SOURCES, servos, {})
+        read_header(header, SOURCES, servos(count), {})
     assert "\n" not in str(error.value)
 
 

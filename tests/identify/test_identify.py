@@ -227,7 +227,7 @@ def test_nothing_and_wrong_priors_are_refused(poses: Measured) -> None:
 
 
 def test_exchanged_motors_are_not_explained(poses: Measured) -> None:
-    wrong = replace(poses, angles=poses.angles[:, [1, 0, 2]])
+    wrong = replace(poses, commands=poses.commands[:, [1, 0, 2]])
     result = identify(tripod("servos.slide=0.02"), wrong, (), Wanted(("servos.slide",), **QUICK))
     assert not result.left.explained
     assert_names(result.left.note, "model", "not explain", "%")
@@ -260,7 +260,7 @@ def test_score_and_a_report_without_values_say_that_data_are_not_explained(
         "propose": False, "candidates": None, "out": None,
     }  # fmt: skip
     own = measured(plainly(tripod("servos.slide=0.025")), commands(20)[0], None, noise=NOISE)
-    for data, explained in ((own, True), (replace(own, angles=own.angles[:, [1, 0, 2]]), False)):
+    for data, explained in ((own, True), (replace(own, commands=own.commands[:, [1, 0, 2]]), False)):
         path = write_csv(tmp_path / "poses.csv", data)
         assert score_command("tripod", path, plot=None, **more) == 0
         shown = capsys.readouterr()

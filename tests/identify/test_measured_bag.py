@@ -68,7 +68,7 @@ def test_a_recording_is_a_motion(tmp_path: Path) -> None:
     found = read_recording(write_bag(tmp_path / "b"), tripod(), poses=False)
     assert [c.label for c in found.channels] == [f"effector.{a}" for a in ("x", "y", "z", "rx", "ry", "rz")]
     assert len(found.times) == 501
-    assert found.angles[250] == pytest.approx([-0.25] * 3)
+    assert found.commands[250] == pytest.approx([-0.25] * 3)
     assert found.slide[250] == pytest.approx(0.01)
     assert found.values[250] == pytest.approx([0, 0, -0.005, 0.2, 0, 0])
 
@@ -76,7 +76,7 @@ def test_a_recording_is_a_motion(tmp_path: Path) -> None:
 def test_stands_of_a_recording_are_poses(tmp_path: Path) -> None:
     found = read_recording(write_bag(tmp_path / "b"), tripod(), poses=True)
     assert found.times is None
-    assert found.angles == pytest.approx(np.array([[0.0] * 3, [-0.5] * 3]), abs=1e-3)
+    assert found.commands == pytest.approx(np.array([[0.0] * 3, [-0.5] * 3]), abs=1e-3)
     assert found.values[:, 2] == pytest.approx([0, -0.01])
 
 

@@ -100,10 +100,7 @@ def test_two_robots_in_one_scene_are_not_compared() -> None:
         plainly(load_scene("two_tripods"))
 
 
-def test_data_have_no_commands_of_cables_yet() -> None:
-    with raises_naming(SceneError, "'finger_cable'", "left, right", "cable=[]", "motion=off"):
-        plainly(load_scene("finger_cable"))
-    plainly(load_scene("finger_cable", ["cable=[]", "motion=off"]))
+def test_an_effector_that_is_a_set_has_no_orientation() -> None:
     assert sources_of(load_scene("finger_cable"), ()) == (
         "tip",
     )  # its effector is a set, and has no orientation

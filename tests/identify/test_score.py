@@ -111,10 +111,13 @@ def test_rigid_needs_three_places(seen: Measured) -> None:
 
 
 def test_exchanged_motors_and_a_shrunk_range_score_worse(seen: Measured) -> None:
-    told, empty = plainly(tripod()), Measured(None, seen.angles[:, [1, 0, 2]], seen.slide, POSE, seen.values)
+    told, empty = (
+        plainly(tripod()),
+        Measured(None, seen.commands[:, [1, 0, 2]], seen.slide, POSE, seen.values),
+    )
     noisy = score(predict(told, seen, ()), seen, "translation").distance.mean
     assert score(predict(told, empty, ()), empty, "translation").distance.mean > noisy + 1e-3
-    shrunk = Measured(None, 0.9 * seen.angles, seen.slide, POSE, seen.values)
+    shrunk = Measured(None, 0.9 * seen.commands, seen.slide, POSE, seen.values)
     assert score(predict(told, shrunk, ()), shrunk, "translation").distance.mean > noisy + 2e-4
 
 

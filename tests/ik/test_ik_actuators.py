@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,14 +11,16 @@ from scipy.optimize import least_squares
 from benchmarks.ik_actuators import MET, measure, scene_of
 from tests.messages import assert_names, raises_naming
 from tripod_ik.errors import IkError
-from tripod_ik.model import StaticModel
-from tripod_ik.problem import build_ik, least_energy
+from tripod_ik.model import StaticModel, linear_state
+from tripod_ik.problem import LEAST_STEP, build_ik, least_energy, seen_turning
 from tripod_ik.solve_once import solve_once
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
-from tripod_ik.tracker_settings import Goal
+from tripod_ik.tracker import Activity, Tracker
+from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.tables.short_forms import joints_of
 
 FINGER = "examples/tendon_finger.toml"
 TIP = 'effector={set="tip"}'
@@ -256,3 +259,42 @@ def test_random_targets_are_met(tmp_path: Path, name: str) -> None:
     assert found["met"] >= 7 and found["ours_met"] >= found["scipy_met"]
     assert all(outcome.startswith(("closest", "stopped")) for outcome in found["outcomes"])
     assert found["kkt"] < 1e-6
+
+
+def test_a_short_step_over_which_a_body_swings_does_not_tell_how_the_jacobian_turns() -> None:
+    """Damping that grew with 1 / step would make each step shorter than the one before."""
+    J = np.ones((6, 1))
+    before = SimpleNamespace(held=True, angles=np.zeros(1), jacobian=J)
+    for step, counts in ((0.1, 0.1), (1e-7, LEAST_STEP)):
+        after = SimpleNamespace(held=True, angles=np.array([step]), jacobian=1.2 * J)
+        assert seen_turning(before, after) == pytest.approx(1 / 6 / counts)  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_the_tracker_says_closest_only_where_it_comes_no_closer() -> None:
+    """Two targets in turn, the first out of reach: a finger that swings, told of every 0.3 s."""
+    scene = load_scene("finger_cable", ["motion=off"])
+    joints = joints_of(scene)
+    assert joints
+    simulation, tracker = Simulation(scene), Tracker(TrackerSettings())
+    tracker.resize(2, 2)
+    commands = joints.start[:-1].copy()
+    rest = StaticModel(scene)
+    goal = rest.move(np.array([7e-3, 9e-3]) / rest.spans).equilibrium
+    for target, updates in ((np.array([0.07, 0.002, -0.03]), 30), (goal, 60)):
+        tracker.target = target
+        steps = []
+        for _ in range(updates):
+            step = tracker.update(linear_state(simulation.compliance(), joints), simulation.state.time)
+            steps.append(step)
+            for _ in range(30):
+                most = (joints.high - joints.low) * scene.dt
+                commands += np.clip(step.result.command * joints.spans - commands, -most, most)
+                simulation.step(np.array([*commands, 0.0]))
+        if target is goal:
+            arrived = next(k for k, step in enumerate(steps) if step.error < 1e-4)
+            assert all(step.activity is Activity.TRACKING for step in steps[: arrived + 1])
+            assert steps[-1].error < 1e-4
+        else:
+            assert steps[0].activity is Activity.TRACKING
+            assert steps[-1].activity is Activity.CLOSEST and steps[-1].error > 5e-3

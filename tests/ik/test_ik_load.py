@@ -201,7 +201,8 @@ def test_nothing_is_loaded_where_nobody_asks() -> None:
     code = (
         "import sys, tripod_ik.node\n"
         "from tripod_ik.settings import PARAMETERS, load_observer\n"
-        "assert load_observer({p.name: p.default for p in PARAMETERS}) is None\n"
+        "from tripod_sim import load_scene\n"
+        "assert load_observer({p.name: p.default for p in PARAMETERS}, load_scene('tripod')) is None\n"
         "assert 'tripod_ik.load' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
@@ -210,10 +211,12 @@ def test_nothing_is_loaded_where_nobody_asks() -> None:
 def test_it_needs_a_measurement_and_a_delay_in_range() -> None:
     values = {p.name: p.default for p in PARAMETERS} | {"observe_load": True}
     with raises_naming(IkError, "'observe_load'", "--set feedback=pose", "feedback=imu"):
-        load_observer(values)
-    assert load_observer(values | {"feedback": "imu"}).delay == values["feedback_delay"]
+        load_observer(values, load_scene(SHARP))
+    assert load_observer(values | {"feedback": "imu"}, load_scene(SHARP)).delay == values["feedback_delay"]
     with raises_naming(IkError, "delay", "1.0 s", "0 to 0.5 s"):
         LoadObserver(1.0)
+    with raises_naming(IkError, "'observe_load'", "servos", "left, right"):
+        load_observer(values | {"feedback": "pose"}, load_scene("finger_cable"))
     observer = LoadObserver()
     observer.measure(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)  # no model yet: nothing to compare with
     assert np.isnan(observer.load.force)

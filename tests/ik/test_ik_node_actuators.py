@@ -214,6 +214,37 @@ def test_an_orientation_of_a_set_is_refused_with_the_reason(robot):
     assert not robot.sim.commands
 
 
+@pytest.mark.parametrize("robot", ["cables"], indirect=True)
+def test_no_load_is_told_of_a_robot_of_cables(robot):
+    robot.graph.start(observe_load=True, feedback="pose")
+    robot.sim.say_mode(ControlMode.IK)
+    robot.graph.wait_state(IkStatus.STALE, "observe_load", "servos", "cable_0", "observe_load=false")
+    assert not robot.sim.commands
+
+
+@pytest.mark.parametrize("robot", ["cables"], indirect=True)
+def test_a_simulator_that_begins_again_goes_to_the_cables_of_the_robot_and_leaves_these_slack(robot):
+    graph, sim = robot.graph, robot.sim
+    limits, start = sim.follower.limits, sim.angles.copy()
+    held = np.array([0.006, -0.009, 0.002, -0.004])  # two of them slack
+    driver = sim.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
+    message = JointState(name=[joint.name for joint in limits.others], position=held, effort=[0.0] * 4)
+    sim.create_timer(0.02, lambda: driver.publish(message))
+    node = graph.start(scene=str(robot.path), stale_after=3.0)  # the model computes in this thread
+    graph.wait(lambda: node._angles is not None)
+    sim.say_mode(ControlMode.IK)
+    for _ in range(2):
+        graph.wait(lambda: sim.commands)
+        assert list(sim.commands[0].points[0].positions) == pytest.approx(held.tolist(), rel=1e-12)
+        graph.wait_state(IkStatus.TRACKING, "no target yet")
+        assert sim.angles[[0, 2]] == pytest.approx(held[[0, 2]], abs=1e-3)
+        sim.running = False
+        graph.wait_state(IkStatus.STALE, names.COMPLIANCE)
+        sim.follower = CommandFollower(limits, [*start, 0.0])
+        sim.commands.clear()
+        sim.running = True
+
+
 def lack_units(message):
     message.units = []
 

@@ -125,6 +125,8 @@ def fill(message: object) -> None:
             part = kind.removeprefix("sequence<").removesuffix(">")
             if part == "string":
                 setattr(message, name, ["a", "bc", ""])
+            elif part == "boolean":
+                setattr(message, name, [True, False])
             else:
                 package, short = part.split("/")
                 setattr(message, name, [filled(f"{package}/msg/{short}") for _ in range(2)])

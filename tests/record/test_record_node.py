@@ -32,7 +32,7 @@ pytestmark = pytest.mark.ros
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
-from rclpy.qos import QoSProfile  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from shape_msgs.msg import Mesh, MeshTriangle  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
@@ -312,6 +312,36 @@ def test_what_is_asked_for_and_not_there_is_told_until_it_is(graph: Graph, tmp_p
     out, _ = process.communicate(timeout=DEADLINE)
     assert process.returncode == 0
     line_naming(out, "recorded", "0 messages", "0 lost", "nobody", "/sim/misspelled")
+
+
+@pytest.mark.parametrize(("reliable", "reason"), [(True, "publisher"), (False, "best effort")])
+def test_the_topic_of_lost_messages_is_named_with_the_reason(
+    graph: Graph, tmp_path: Path, reliable: bool, reason: str
+) -> None:
+    reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    chatter = graph.publisher(String, "/chatter", QoSProfile(depth=10, reliability=reliability))
+    process = graph.record(f"directory:={tmp_path}", "name:=bag", "topics:=/chatter")
+    path = Path(line_of(process, "recording"))
+    graph.heard(chatter)
+
+    def came() -> bool:
+        chatter.publish(String(data="one"))
+        return recorded(path, "/chatter") > 0
+
+    graph.until(came, "the first message")
+    process.send_signal(signal.SIGSTOP)
+    for _ in range(3000):
+        chatter.publish(String(data="x" * 1000))
+    process.send_signal(signal.SIGCONT)
+
+    def warned() -> bool:
+        chatter.publish(String(data="one"))
+        return "messages lost" in graph.health_of("/record").message
+
+    graph.until(warned, "the loss")
+    _, out, errors = finish(process, signal.SIGINT)
+    for line in (line_naming(out, "recorded", path, "lost"), line_naming(errors, "record", "lost")):
+        assert_names(line, "/chatter", reason)
 
 
 def test_a_recording_is_split_by_service_and_carries_scene_and_versions(graph: Graph, tmp_path: Path) -> None:

@@ -129,6 +129,7 @@ def test_a_slow_disk_drops_and_counts(stuck: StuckWriter) -> None:
     taken = sum(recorder.offer("/chatter", bytes(1000)) for _ in range(25))
     assert taken == 10  # a thousand each, ten thousand may wait
     assert recorder.progress.dropped == 15
+    assert recorder.progress.dropped_of == {"/chatter": 15}
     assert recorder.progress.waiting == 10_000
     stuck.free.set()
     until(recorder, lambda p: p.messages == 11, "the disk's return")

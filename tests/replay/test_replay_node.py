@@ -348,7 +348,7 @@ def test_a_script_waits_until_it_is_wanted_tells_its_end_and_leaves(make) -> Non
     player.wanted = True
     spun(lambda: told)
     (line,) = told
-    assert_names(line, "servo script: ", "0.20 s")
+    assert_names(line, "script: ", "0.20 s")
     assert graph.driver.here == pytest.approx([-0.1] * 3)
     spun(lambda: graph.driver.get_node_names().count("script") == 0)
     spun(lambda: graph.driver.modes[-1].mode == ControlMode.NONE)  # it is not missed

@@ -31,10 +31,10 @@ def speed_of_the_study() -> float:
 def study(tmp_path: Path) -> Callable[..., Path]:
     """Write a study of the two settings, whose CPU times are given [s]."""
 
-    def write(dear: float = 0.9, cheap: float = 0.2) -> Path:
+    def write(dear: float = 0.9, cheap: float = 0.2, error: float = 0.02) -> Path:
         points = [
             {"settings": s, "status": "ok", "error": error, "bound": error, "cpu": cpu}
-            for s, error, cpu in ((DEAR, 0.01, dear), (CHEAP, 0.02, cheap))
+            for s, error, cpu in ((DEAR, 0.01, dear), (CHEAP, error, cheap))
         ]
         made = {
             "format": 1, "study": "two", "scene": "tripod", "base": {}, "cpu": "s per simulated second",
@@ -55,6 +55,8 @@ def test_the_setting_that_real_time_takes_is_proposed_with_what_is_lost(study: C
     )
     assert_names(told, "about 2 %", "instead of 1 %", "measured")
     assert not names(told, "mesh.level=1"), "which stays"
+    told = proposal("tripod", SET, study=study(error=0.0101), speed=speed_of_the_study)
+    assert names(told, "about 1 %") and not names(told, "instead of")
     taken = choose("tripod", "real-time", study=study(), speed=speed_of_the_study)
     assert taken.settings == CHEAP, "and that is what the option takes"
 

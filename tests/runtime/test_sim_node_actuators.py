@@ -1,6 +1,7 @@
 """Cables, chambers and forces in the node graph: commands, refusals, joint states and status."""
 
 import json
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from tripod_msgs.msg import ControlMode, SimStatus
 from tests.decisions import SOURCE
 from tests.goals import Goals, goal
 from tests.messages import assert_names
-from tests.sim.actuator_scenes import VIA, finger
+from tests.sim.actuator_scenes import VIA, finger, mixed
 from tripod_graph import names
 
 pytestmark = pytest.mark.ros
@@ -128,6 +129,26 @@ def test_lengths_are_positions_and_forces_are_efforts(make, tmp_path) -> None:
     assert state(graph)["push"][1] == 0.0
 
 
+def test_every_link_of_the_description_is_on_tf(make, tmp_path) -> None:
+    words = 'effector={set="tip"}'
+    graph = make(scene=finger(tmp_path), set=f"'{MIXED};{words}'", timeout=60.0, range_time=0.1).start()
+    graph.listen(names.TF)
+    graph.choose(ControlMode.TELEOP)
+    send(graph, ["tendon", "push"], [0.004, 0.0], [0.0, 0.1])
+    moved = graph.next(
+        names.TF, lambda m: any(t.transform.translation.x == pytest.approx(0.004) for t in m.transforms)
+    )
+    for topic in (names.TF_STATIC, names.ROBOT_DESCRIPTION):
+        graph.wait(lambda t=topic: graph.heard[t], f"a message on {topic}")
+    described = ET.fromstring(graph.heard[names.ROBOT_DESCRIPTION][0].data)
+    frames = {t.child_frame_id for t in [*moved.transforms, *graph.heard[names.TF_STATIC][0].transforms]}
+    assert (
+        frames
+        == {link.get("name") for link in described.iter("link")}
+        == {"base_link", "tendon_end", "effector"}
+    )
+
+
 def test_goals_of_an_action_are_lengths_and_forces(make, tmp_path) -> None:
     graph = make(scene=finger(tmp_path), set=f"'{MIXED}'", timeout=60.0, range_time=0.2).start()
     goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
@@ -150,3 +171,19 @@ def test_goals_of_an_action_are_lengths_and_forces(make, tmp_path) -> None:
     status, _, why = goals.end(goals.send(asked))
     assert status == GoalStatus.STATUS_ABORTED
     assert_names(why, "path_tolerance", "'servo_0'", "tendon, push")
+
+
+def test_a_goal_moves_a_servo_a_cable_a_chamber_and_a_force(make, tmp_path) -> None:
+    graph = make(scene=mixed(tmp_path), timeout=60.0, range_time=0.2).start()
+    joints = ("push", "air", "tendon", "servo_0")  # in any order
+    goals = Goals(graph.ear, "sim/follow_joint_trajectory", graph.wait)
+    graph.choose(ControlMode.TELEOP)
+    asked = goal((0.0, 0.0, 0.004, 0.2), seconds=0.3, source=SOURCE, joints=joints)
+    asked.trajectory.points[0].effort = [0.1, 2e3, 0.0, 0.0]
+    assert goals.end(goals.send(asked))[:2] == (GoalStatus.STATUS_SUCCEEDED, 0)
+    now = state(graph)
+    assert list(now) == ["servo_0", "tendon", "air", "push", "slide"]
+    assert now["servo_0"][0] == pytest.approx(0.2, abs=0.011)
+    assert now["tendon"][0] == pytest.approx(0.004, abs=1.1e-4)
+    assert [now[n][1] for n in ("air", "push")] == pytest.approx([2e3, 0.1], rel=0.05)
+    assert now["air"][0] > 1e-7 and now["tendon"][1] > 0.0

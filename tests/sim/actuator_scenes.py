@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 
 from tools.robot_meshes import lattice
+from tripod_sim.scene.file import load_scene, scene_to_toml
 
 LENGTH, WIDTH, THICK = 0.1, 0.02, 0.015
 """Of the finger and the beam [m]: from the root at x = 0 along x, from y = 0 and z = 0."""
@@ -120,4 +121,17 @@ def dome(folder: Path, cells: int = 8) -> str:
     meshio.Mesh(places[used], [("hexahedron", numbers.reshape(-1, 8))]).write(folder / "dome.vtk")
     path = folder / "dome.toml"
     path.write_text(DOME, encoding="utf-8")
+    return str(path)
+
+
+def mixed(folder: Path) -> str:
+    """Write the beam that a servo turns at its root, with a cable, a chamber and a force; return the path."""
+    words = [
+        "fixed=off", "dt=0.02", "inertia={}", "damping.stiffness=0.01", 'effector={set="tip"}',
+        'servo=[{set="root", hub=[0, 0.01, 0.0075], axis=[0, 1, 0]}]',
+        "servos={count=1, axis_depth=0.02, angle_min=-0.5, angle_max=0.5}",
+        BY_LENGTH, AIR, PUSH,
+    ]  # fmt: skip
+    path = folder / "mixed.toml"
+    path.write_text(scene_to_toml(load_scene(beam(folder), words)), encoding="utf-8")
     return str(path)

@@ -44,6 +44,15 @@ PLACED = [
 ROBOTS = [(SHARP, []), ("cross", []), ("two_tripods", ["body.0.mesh.level=1", "body.1.mesh.level=1"]),
           (SHARP, PLACED)]  # fmt: skip
 
+MIXED = [
+    "cable=[{name='tendon',range=[0,0.006],tension_max=20,via=[{points=[[0,-0.006,0]]},{body='world',"
+    "points=[[0.01,0.02,-0.03]]}]}]",
+    "force=[{name='push',set='all',direction=[1,0,1],range=[-0.3,0.3]}]",
+]
+"""Of the Tripod: a cable and a force."""
+
+ACTUATED = [("finger_cable", []), ("diamond", []), ("trunk", []), ("finger_pneumatic", []), (SHARP, MIXED)]
+
 
 @pytest.mark.parametrize(("name", "overrides"), ROBOTS)
 def test_arms_carry_the_clamped_nodes_as_the_simulation_moves_them(name: str, overrides: list[str]) -> None:
@@ -64,13 +73,13 @@ def test_arms_carry_the_clamped_nodes_as_the_simulation_moves_them(name: str, ov
         np.testing.assert_allclose(simulation.positions[held], expected, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "overrides"), ROBOTS)
+@pytest.mark.parametrize(("name", "overrides"), [*ROBOTS, *ACTUATED])
 def test_joints_of_the_urdf_give_the_same_frames(name: str, overrides: list[str]) -> None:
     scene = load_scene(name, overrides)
-    count = joints_of(scene).count
-    joints = np.append(np.linspace(-1.1, 0.3, count), 0.02)
+    actuators = joints_of(scene).actuators
+    joints = np.append(np.linspace(-1.1, 0.3, len(actuators)), 0.02)
     root = ET.fromstring(urdf(scene))
-    values = {"slide": joints[-1], **{f"servo_{i}": joints[i] for i in range(count)}}
+    values = dict(zip([*(a.name for a in actuators), "slide"], joints, strict=True))
     found = {BASE: (np.zeros(3), np.eye(3))}
     for joint in root.iter("joint"):
         mimic = joint.find("mimic")
@@ -113,22 +122,40 @@ def test_limits_are_those_of_the_scene() -> None:
     assert (limit.get("lower"), limit.get("velocity")) == ("-1.5", "7")
 
 
-def test_a_scene_without_servos_is_no_robot() -> None:
-    with raises_naming(SceneError, "scene 'cloth'", "no servos"):
+@pytest.mark.parametrize(("name", "overrides"), [*ROBOTS, *ACTUATED, ("examples/emio.toml", [])])
+def test_what_moves_is_a_joint_that_is_commanded_and_names_are_there_once(
+    name: str, overrides: list[str]
+) -> None:
+    scene = load_scene(name, overrides)
+    root, joints = ET.fromstring(urdf(scene)), joints_of(scene)
+    every = [joint.get("name") for joint in root.iter("joint")]
+    assert len(every) == len(set(every))
+    kinds = {
+        joint.get("name"): joint.get("type") for joint in root.iter("joint") if joint.find("mimic") is None
+    }
+    moving = {n: kind for n, kind in kinds.items() if kind not in ("fixed", "floating")}
+    slide = {"slide": "prismatic"} if joints.slides else {}
+    kind_of = {"rad": "revolute", "m": "prismatic"}
+    assert moving == slide | {a.name: kind_of[a.unit] for a in joints.actuators if a.unit in kind_of}
+
+
+def test_a_scene_without_actuators_is_no_robot() -> None:
+    with raises_naming(SceneError, "scene 'cloth'", "no servos", "no other actuators"):
         urdf(load_scene("cloth"))
 
 
-def test_a_cable_by_length_is_a_prismatic_joint_and_a_force_is_left_out() -> None:
-    scene = load_scene(
-        "examples/tendon_finger.toml", ["force=[{name='push',set='tip',direction=[0,1,0],range=[0,1]}]"]
-    )
-    text = urdf(scene)
-    (joint,) = ET.fromstring(text).findall("joint")
-    limit = joint.find("limit")
-    assert (joint.get("name"), joint.get("type")) == ("tendon", "prismatic")
+def test_what_urdf_has_no_joint_for_is_named() -> None:
+    for name, overrides, left_out in (
+        ("finger_pneumatic", [], "pressure"),
+        ("finger_pneumatic", ["chamber.0.command=volume", "chamber.0.range=[0,1e-6]"], "volume"),
+        (SHARP, MIXED, "push force"),
+    ):
+        told = [
+            line for line in urdf(load_scene(name, ["motion=off", *overrides])).splitlines() if "<!--" in line
+        ]
+        assert_names(" ".join(told), *left_out.split())
+    limit = next(
+        j for j in ET.fromstring(urdf(load_scene(SHARP, MIXED))).iter("joint") if j.get("name") == "tendon"
+    ).find("limit")
     assert limit is not None
-    assert (limit.get("lower"), limit.get("upper"), limit.get("velocity")) == ("0", "0.03", "0.03")
-    (told,) = [line for line in text.splitlines() if "<!--" in line]
-    assert_names(told, "push", "force")
-    with raises_naming(SceneError, "no servos", "no cables"):
-        urdf(load_scene("silicone"))
+    assert limit.attrib == {"lower": "0", "upper": "0.006", "effort": "20", "velocity": "0.006"}

@@ -186,6 +186,20 @@ def test_a_recording_changes_nothing(recorded) -> None:
     assert {**alone, **measured} == {**recorded[0], **measured}
 
 
+def test_forces_are_recorded_on_request_and_change_nothing(recorded, tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=TRIPOD, out=out, forces=True)
+    with np.load(out) as arrays:
+        added = set(arrays) - set(recorded[1])
+        assert added == {f"force_{name}" for name in ("names", "units", "counts", "points", "vectors")}
+        for name in set(recorded[1]) - {"units"}:
+            np.testing.assert_array_equal(arrays[name], recorded[1][name], err_msg=name)
+        torque = arrays["force_names"].tolist().index("servo torque")
+        ends = arrays["force_counts"].ravel().cumsum().reshape(arrays["force_counts"].shape)
+        own = np.array([arrays["force_vectors"][end - 3 : end] for end in ends[:, torque]])
+        np.testing.assert_allclose(np.linalg.norm(own, axis=2), np.abs(arrays["torques"]), rtol=1e-12)
+
+
 def test_the_page_has_the_keys_of_a_runs_file() -> None:
     page = (Path(__file__).parents[2] / "docs" / "seeing.md").read_text(encoding="utf-8")
     assert "\n".join(KEYS) in page
@@ -196,7 +210,7 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
     scene = load_scene(name)
     coarse = ["springs.nodes=5"] if scene.springs else COARSE if scene.mesh else []
-    summary = run(name, duration=0.02, overrides=coarse, out=out)
+    summary = run(name, duration=0.02, overrides=coarse, out=out, forces=True)
     assert summary["steps"] == round(0.02 / scene.dt)
     assert (summary["effector"] is None) == (effector_of(scene) is None)
     assert (
@@ -213,6 +227,12 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
         assert len(arrays["bodies"]) == max(1, len(soft_bodies(scene))) + len(rigids_of(scene))
         assert (arrays["bodies"][0] > 0) == bool(soft_bodies(scene))
         assert ("ball" in arrays) == (scene.ball is not None)
+        assert ("weight" in arrays["force_names"]) == (scene.gravity is not None)
+        assert ("servo torque" in arrays["force_names"]) == (arrays["torques"].size > 0)
+        assert ("cable tension" in arrays["force_names"]) == bool(scene.cable)
+        assert ("normal force" in arrays["force_names"]) == bool(
+            scene.contact or scene.obstacles or scene.ball
+        )
         assert ("maze_vertices" in arrays) == (scene.maze is not None)
         assert ("still_vertices" in arrays) == bool(scene.obstacles)
         assert ("rigid" in arrays) == bool(rigids_of(scene))

@@ -18,10 +18,13 @@ from tests.bringup.processes import wait_until
 from tests.messages import assert_names, names, raises_naming
 from tripod_view.arm import ArmGeometry, Stand, arm_pose, carriage_pose, stands
 from tripod_view.player.camera import camera
-from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece
+from tripod_view.player.colour_maps import MAPS
+from tripod_view.player.colour_scale import BAR, NONE, scale_of
+from tripod_view.player.film import Colouring, Curve, Deforming, Event, Field, Film, FilmError, Piece
 from tripod_view.player.html import player_page, write_html
 from tripod_view.player.of_run import _rigid_names
 from tripod_view.player.packing import KINDS, edges, reel, stage
+from tripod_view.player.picture import Painter
 from tripod_view.player.robot import robot_pieces
 from tripod_view.player.shapes import ball, box, disc
 
@@ -114,6 +117,48 @@ def test_a_body_that_is_flat_or_a_single_picture_is_packed_too() -> None:
 def test_arrays_that_make_no_film_are_named(change: dict[str, Any], named: tuple[str, ...]) -> None:
     with raises_naming(FilmError, *named):
         replace(film(), **change)
+
+
+def coloured(values: np.ndarray, limits: tuple[float, float] | None = None, *, signed: bool = False) -> Film:
+    """The sheet with a field, given as a value for each picture, or for each node, too."""
+    field = Field("heat", "K", values + np.zeros((4, 36)), signed)
+    return replace(film(), bodies=(replace(sheet(), fields=(field,)),), colouring=Colouring("heat", limits))
+
+
+def test_colours_have_the_limits_of_the_whole_film_unless_told() -> None:
+    values = np.array([[1.0], [np.nan], [-3.0], [2.0]])
+    assert stage(coloured(values))["colouring"] == {"name": "heat", "limits": (-3.0, 2.0)}
+    assert stage(coloured(values, signed=True))["colouring"] == {"name": "heat", "limits": (-3.0, 3.0)}
+    assert stage(coloured(values, (0.0, 9.0)))["colouring"] == {"name": "heat", "limits": (0.0, 9.0)}
+    assert stage(coloured(0 * values))["colouring"] == {"name": "heat", "limits": None}
+    assert stage(film())["colouring"] is None
+    assert stage(replace(film(), colouring=Colouring("cold")))["colouring"] is None
+    with raises_naming(FilmError, "heat", "limits"):
+        coloured(values, (1.0, 1.0))
+
+
+def test_a_painted_picture_has_the_colours_of_the_field_and_a_legend() -> None:
+    scale = scale_of(coloured(np.array([[0.0], [1.0], [2.0], [np.nan]])))
+    assert scale
+    plain = np.array(MAPS["plain"])
+    np.testing.assert_array_equal(scale.colours(np.array([-1.0, 0, 2, 3])), plain[[0, 0, -1, -1]])
+    np.testing.assert_array_equal(scale.colours(np.array([np.nan, np.inf])), [NONE, NONE])
+    legend = scale.legend()
+    np.testing.assert_allclose(legend[25, 6], plain[0])
+    np.testing.assert_allclose(legend[25, 6 + BAR[0] - 1], plain[-1])
+    assert (legend[:18] < 128).any()  # its name
+    assert (legend[35:, :100] < 128).any() and (legend[35:, 100:] < 128).any()
+    whole = Painter(coloured(np.linspace(0, 1, 36)[None])).picture(0)
+    rows, columns = legend.shape[:2]
+    assert (whole[8 : 8 + rows, 8 : 8 + columns] > 250).mean() > 0.5
+    sheet_only = replace(coloured(np.linspace(0, 1, 36)[None]), pieces=())
+    seen = Painter(sheet_only).picture(0)[8 + rows :].reshape(-1, 3).astype(int)
+    assert ((seen[:, 0] - seen[:, 2]) > 60).any()  # yellow
+    assert ((seen[:, 2] - seen[:, 1]) > 30).any()  # violet
+    grey = Painter(replace(coloured(np.full((1, 36), np.nan)), pieces=())).picture(0)[8 + rows :]
+    assert (np.ptp(grey.astype(int), axis=2) < 40).all()
+    own = Painter(replace(sheet_only, colouring=None)).picture(0)
+    assert (own[8 : 8 + rows, 8 : 8 + columns] < 253).mean() > 0.9
 
 
 def test_edges_are_each_there_once() -> None:

@@ -16,6 +16,7 @@ import rclpy
 from geometry_msgs.msg import Point, PoseStamped
 from shape_msgs.msg import Mesh, MeshTriangle
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectoryPoint
 from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
 
 from tests.domains import own_domain
@@ -24,6 +25,7 @@ from tests.view.fake_browser import FakeBrowser
 from tests.view.shown_scene import show, told
 from tests.view.stage import DEADLINE, Stage, View
 from tripod_graph import names
+from tripod_graph.joint import Joint
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_view.body import BodyError
 from tripod_view.messages import maze_of
@@ -267,6 +269,30 @@ def test_sliders_command_only_in_control_and_start_where_the_joints_are(
     before, pictures = len(stage.sim.commands), browser.pictures()
     browser.wait(lambda: browser.pictures() > pictures + 20)
     assert len(stage.sim.commands) <= before + 1
+
+
+def test_a_servo_a_cable_and_a_chamber_are_commanded_in_one_message(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    others = Joint("tendon", "m", 0.0, 0.03, 0.03), Joint("air", "Pa", 0.0, 30e3, 30e3)
+    stage.sim.have_joints(1, others)
+    browser.wait(lambda: browser.value("joints") and len(browser.value("joints")["asked"]) == 3)
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    stage.wait(lambda: len(stage.sim.commands) >= 3)
+    for asked in ({"servo": 0, "degrees": -10.0}, {"joint": 1, "value": 12.5}, {"joint": 2, "value": 2.0}):
+        browser.tell(**asked)
+
+    def sent() -> list[float]:
+        point = stage.sim.commands[-1].points[-1] if stage.sim.commands else JointTrajectoryPoint()
+        return [*point.positions, *point.effort]
+
+    efforts = [0.0, 0.0, 2e3]
+    stage.wait(
+        lambda: sent()[:3] == pytest.approx([np.radians(-10.0), 0.0125, 0.0]) and sent()[-3:] == efforts,
+        lambda: str((sent(), browser.text())),
+    )
+    assert list(stage.sim.commands[-1].joint_names) == ["servo_0", "tendon", "air"]
 
 
 def test_the_working_pose_is_a_slow_path_that_a_slider_ends(stage: Stage, browser: FakeBrowser) -> None:

@@ -28,6 +28,7 @@ PARTS: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
             "tripod_sim": ("load_scene", "scene_names", "Simulation", "SceneError", "StepError"),
             "tripod_sim.scene": ("Scene", "scene_from_toml", "scene_to_toml"),
             "tripod_sim.simulation": ("Pose", "Energies"),
+            "tripod_sim.acting_forces": ("Forces",),
             "tripod_sim.state": ("State",),
             "tripod_sim.integrators.report": ("StepReport",),
             "tripod_sim.compliance": ("Compliance",),

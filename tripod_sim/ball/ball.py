@@ -140,8 +140,8 @@ class BallOnPlate:
     Attributes:
         description: Numbers of the ball.
         obstacles: What stands on the plate.
-        reaction: Impulses of the ball on the plate in the last step [N s] and their moment about the plate's centre
-            [N m s], shape (2, 3).
+        reaction: Impulses of the ball on the plate in the last step [N s], their moment about the plate's centre
+            [N m s], and what of them is along the normals [N s], shape (3, 3).
     """
 
     def __init__(self, description: Ball, obstacles: Obstacles, gravity: FloatArray) -> None:
@@ -154,7 +154,7 @@ class BallOnPlate:
         self._gravity = np.array(gravity, dtype=float)
         self._rows, self._cells = k.workspace()
         self._plate = np.zeros((10, 3))
-        self.reaction = np.zeros((2, 3))
+        self.reaction = np.zeros((3, 3))
 
     def advance(self, state: BallState, motion: PlateMotion, time: float, dt: float) -> None:
         """Advance `state` by `dt` [s] from `time` [s] while the plate moves as `motion` says, in place."""

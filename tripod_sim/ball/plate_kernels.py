@@ -204,8 +204,12 @@ def react(
     part: float,
     arm: Array,
 ) -> None:
-    """Add the impulses on the plate to `reaction`: sum [N s], moment about its centre [N m s], (2, 3)."""
+    """Add the impulses on the plate to `reaction`: sum [N s], moment about its centre [N m s], sum of what of them is
+    along the normals [N s], shape (3, 3).
+    """
     for i in range(count):
+        n, P = normals[i], impulses[i]
+        along = (P[0] * n[0] + P[1] * n[1] + P[2] * n[2]) / (n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
         rotate(pose[3:], q, arm)
         for a in range(3):
             arm[a] -= radius * normals[i, a]
@@ -213,6 +217,7 @@ def react(
             b, c = (a + 1) % 3, (a + 2) % 3
             reaction[0, a] -= part * impulses[i, a]
             reaction[1, a] -= part * (arm[b] * impulses[i, c] - arm[c] * impulses[i, b] + couples[i, a])
+            reaction[2, a] -= part * along * n[a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -259,7 +264,7 @@ def advance(
         numbers: Of the ball, see `MASS` and the following.
         o: What stands on the plate.
         ledger: Sums over the whole run, see `WORK` and the following, changed.
-        reaction: Impulses on the plate in this step and their moment about its centre, shape (2, 3), written.
+        reaction: See `react`, shape (3, 3), written.
         rows, cells: From `workspace`.
     """  # fmt: skip
     C = MOST_CONTACTS + 2

@@ -47,7 +47,7 @@ class Cable(ActuatorTerm):
         tension: T there [N].
     """
 
-    name = "cable"
+    name, exerts = "cable", "cable tension"
 
     def __init__(
         self,
@@ -154,6 +154,18 @@ class Cable(ActuatorTerm):
         taut = 1.0 if self._by_tension else self.effort_slope
         nodes, weights, _ = self._points
         add_length_gradient(nodes, weights, self._direction, taut, out)
+
+    def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
+        """Return its points on bodies, and -T dL/dp there: at an end the pull along the cable."""
+        places = self._points.places(x)
+        along = np.diff(places, axis=0)
+        along /= np.sqrt((along**2).sum(axis=1, keepdims=True) + self._rounding**2)
+        pull = np.zeros_like(places)
+        pull[:-1] += along
+        pull[1:] -= along
+        on_body = (self._points.weights != 0.0).any(axis=1)
+        tension = max(0.0, command if self._by_tension else effort)
+        return (places[on_body], tension * pull[on_body]) if tension else (places[:0], places[:0])
 
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return the strain energy of a cable by length, and none in gravity [J]; a given tension does work only."""

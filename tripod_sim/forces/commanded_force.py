@@ -10,7 +10,7 @@ from tripod_sim.forces.actuator import ActuatorTerm
 class CommandedForce(ActuatorTerm):
     """A force of q newtons on nodes along a fixed direction: V = -q sum of share_a · (x_a - X_a)."""
 
-    name = "force"
+    name, exerts = "force", "load"
 
     def __init__(self, shares: FloatArray, rest: FloatArray) -> None:
         """`shares`: unit direction times the share of each node, shape (n, 3); `rest`: X [m], shape (n, 3)."""
@@ -34,6 +34,11 @@ class CommandedForce(ActuatorTerm):
         """Add -shares."""
         out -= self._shares
 
+    def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
+        """Return the point at which the sum of its forces acts, and that sum."""
+        along = self._shares.sum(axis=0)
+        return (self._shares @ along @ x / (along @ along))[None], command * along[None]
+
 
 class CommandedDisplacement(ActuatorTerm):
     """A drive that displaces nodes by q metres along a fixed direction d and leaves them free across it.
@@ -45,7 +50,7 @@ class CommandedDisplacement(ActuatorTerm):
     so what it gives in return is the force that it exerts along d.
     """
 
-    name = "force"
+    name, exerts = "force", "load"
 
     def __init__(self, along: FloatArray, shares: FloatArray, rest: FloatArray, stiffness: float) -> None:
         """`along`: d; `shares`: w, of sum 1, shape (n,); `rest`: X [m], shape (n, 3); `stiffness`: s [N/m]."""
@@ -74,6 +79,10 @@ class CommandedDisplacement(ActuatorTerm):
     def add_coupling(self, x: FloatArray, out: FloatArray) -> None:
         """Add -s w_a d."""
         out[self._nodes] -= self._springs[:, None] * self._along
+
+    def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
+        """Return the middle of the nodes, weighted by their shares, and the sum of its forces."""
+        return (self._springs @ x[self._nodes] / self._springs.sum())[None], effort * self._along[None]
 
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return the strain energy of the drive, and none in gravity [J]."""

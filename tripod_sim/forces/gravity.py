@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.forces.term import ForceTerm
+from tripod_sim.forces.term import ForceTerm, at_nodes
 
 
 class GravityForce(ForceTerm):
@@ -24,11 +24,21 @@ class GravityForce(ForceTerm):
         if load is not None:
             self._gradient -= load
         self._offset = float(np.vdot(self._gradient, rest))
+        self._load, self.exerts = load, "" if load is None else "load"
 
     @property
     def force(self) -> FloatArray:
         """Weight and dead load of each node [N], shape (n, 3)."""
         return -self._gradient
+
+    @property
+    def node_weights(self) -> FloatArray:
+        """Weight of each node [N], shape (n, 3)."""
+        return self.force if self._load is None else self.force - self._load
+
+    def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
+        """Return the dead loads."""
+        return at_nodes(x, np.zeros_like(x) if self._load is None else self._load)
 
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return 0 and V [J]."""

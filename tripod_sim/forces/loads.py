@@ -12,7 +12,7 @@ class NodalLoads(ForceTerm):
     Whoever loads the body writes `force` before a step.
     """
 
-    name = "ball"
+    name, exerts = "ball", ""
 
     def __init__(self, rest: FloatArray) -> None:
         """`rest`: X [m], shape (n, 3)."""

@@ -38,6 +38,7 @@ class Solid(ElasticTerm):
 
     Attributes:
         elements: Node indices, shape (m, nodes of an element).
+        kind: Of the elements.
         matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, d, d), d = 3 nodes of an element.
         mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
         numbers: Of the elements in their mesh, for messages, shape (m,).
@@ -65,7 +66,7 @@ class Solid(ElasticTerm):
             damping: b, the viscosity over the stiffness undeformed [s].
         """
         self.elements, self._owner, self._law = np.ascontiguousarray(elements), owner, law
-        self.numbers = np.arange(len(elements))
+        self.kind, self.numbers = kind, np.arange(len(elements))
         functions = addresses(law_named(law))
         gradients, weight = reference_gradients(kind, nodes[elements])
         G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))

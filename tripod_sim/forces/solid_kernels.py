@@ -113,7 +113,7 @@ def scatter(e: int, f: Array, elements: Array, X: Array, g: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _mean_volume(xe: Array, G: Array, weight: Array, law: Array, F: Array, slope: Array) -> float:
+def mean_volume(xe: Array, G: Array, weight: Array, law: Array, F: Array, slope: Array) -> float:
     """Return v* of one element, G (q, 3, c) and weight (q,) its own; F and slope are scratch."""
     total = size = 0.0
     for q in range(G.shape[0]):
@@ -150,7 +150,7 @@ def solid_gradient(
         f[:] = 0.0
         h[:] = 0.0
         if mean and elastic:
-            shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
+            shared = mean_volume(xe, G[e], weight[e], law, F, slope)
         acts = damper and damps(solid.before[e])
         if mean and acts:
             swelling = solid.viscosity[2] * _mean_rate(e, xe, solid, F)
@@ -244,7 +244,7 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project
         K[:] = 0.0
         B[:] = 0.0
         if mean:
-            shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
+            shared = mean_volume(xe, G[e], weight[e], law, F, slope)
         acts = of & DAMPER != 0 and _still_damps(e, xe, solid, F)
         if mean and acts:
             swell[:] = 0.0

@@ -19,9 +19,10 @@ class Term:
         weight: w of a Hessian w_i I at each node [N/m], shape (n,); None: it has none of this form.
         has_inertia: Whether it has what the masses of nodes lack; see `add_inertia`.
         acts_on_rigid: Whether it acts on free rigid bodies, which hold no nodes, too; see `add_rigid_gradient`.
+        exerts: Group of `acting_forces` in which its forces are shown; empty: in none.
     """
 
-    name, has_inertia, acts_on_rigid = "", False, False
+    name, has_inertia, acts_on_rigid, exerts = "", False, False, ""
     weight: FloatArray | None = None
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
@@ -31,6 +32,18 @@ class Term:
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return what of V is strain energy of the bodies and what their potential in gravity [J]: none of it."""
         return 0.0, 0.0
+
+    @property
+    def node_weights(self) -> FloatArray | None:
+        """Weight of each node [N], shape (n, 3); None: the term is no weight."""
+        return None
+
+    def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
+        """Return points [m] and the forces [N] on bodies there, both of shape (k, 3), with nodes at `x` [m], (n, 3).
+
+        `command`, `effort`: of an actuator q and dV/dq at the end of the step; the term's own may be of elsewhere.
+        """
+        return np.zeros((0, 3)), np.zeros((0, 3))
 
     def add_inertia(self, a: FloatArray, out: FloatArray) -> float:
         """Add what nodes lack in mass, times `a`, to `out`, both of shape (n, 3); return half of a . that: nothing."""
@@ -73,6 +86,12 @@ class BlockTerm(Term):
         raise NotImplementedError
 
 
+def at_nodes(x: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places and forces of those nodes whose `force` [N], shape (n, 3), is not zero; `x` [m], shape (n, 3)."""
+    acts = force.any(axis=1)
+    return x[acts], force[acts]
+
+
 class LinearTerm(BlockTerm):
     """What ties nodes to others linearly and alike in all directions, the same everywhere.
 
@@ -112,12 +131,16 @@ class ForceTerm(Term):
         works: Whether V is no energy of the bodies, so that f does work on them.
     """
 
-    works = True
+    works, exerts = True, "load"
 
     @property
     def force(self) -> FloatArray:
         """f [N], shape (n, 3)."""
         raise NotImplementedError
+
+    def exerted(self, x: FloatArray, command: float, effort: float) -> tuple[FloatArray, FloatArray]:
+        """Return the nodes that forces act on, and these."""
+        return at_nodes(x, self.force)
 
 
 class StageTerm(BlockTerm):

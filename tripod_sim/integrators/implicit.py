@@ -112,6 +112,10 @@ class ImplicitSteps(Integrator):
             total.linear_iterations += report.linear_iterations
             total.residual = report.residual
             if self.errors and state.errors and last:
+                if not (
+                    self.newton.serves or one.curves
+                ):  # the factorisation lags behind the end of the step
+                    self.newton.factor_at(state)
                 self.errors.carry(state.errors, planned, seen[0, 1], state.velocities, stage.known[1], h)
             if self._scheme.is_multistep:
                 stage.read(state, seen[k + 1])

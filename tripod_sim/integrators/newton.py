@@ -76,6 +76,7 @@ class Newton(Descent):
             0 goes on to the tolerance.
         bound: Inequality that solves keep within; None without one.
         indefinite: Whether the tangent factored last had to be changed to be positive definite.
+        serves: Whether the factorisation of the last solve is kept for the next.
         spent: Linear solves so far, those of solves that failed among them.
         phi: See `Descent`; the point and the trial point are states.
     """
@@ -105,6 +106,7 @@ class Newton(Descent):
         self.bound: StrainBound | None = None
         self._dx, self._step = np.zeros_like(system.rest), np.zeros(system.unknowns)
         self._scratch: State | None = None
+        self.serves = False
         self._kept: float | None = None
         self._ahead: float | None = None
         self.store: FactorStore | None = None
@@ -144,6 +146,13 @@ class Newton(Descent):
         except NewtonError:
             return  # the solve itself will say so
         self._ahead = keep
+
+    def factor_at(self, state: State) -> None:
+        """Factor at `state`, the end of a solve whose factorisation is not kept: the next one makes its own."""
+        try:
+            self._renew(state, NewtonReport())
+        except NewtonError:
+            return  # the next solve will say so
 
     def solve(
         self, state: State, joints: FloatArray, *, keep: float | None = None, factored: bool = False
@@ -196,7 +205,8 @@ class Newton(Descent):
         state.joints[:] = joints
         report.residual = self._size
         report.linear_iterations = self._linear_spent - linear_spent
-        if self._serves(report):
+        self.serves = self._serves(report)
+        if self.serves:
             self._kept = keep
             if self.store and keep:
                 self.store.keep(keep)

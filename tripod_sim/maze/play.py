@@ -35,6 +35,7 @@ class MazeBall:
         plate: What it plays on.
         ball: Its motion on the plate.
         loads: What it presses with, a term of the system.
+        weight: Of the ball [N], shape (3,).
     """
 
     def __init__(
@@ -48,11 +49,12 @@ class MazeBall:
             )
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
-        self._gravity, self._weight = gravity, description.mass * gravity
+        self._gravity, self.weight = gravity, description.mass * gravity
         self.loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
         self._before = np.zeros((len(plate.nodes), 3))
+        self._pressed = np.zeros((2, 3))
 
     def start(self, state: State) -> BallState:
         """Return the ball at rest on its start, the plate being at rest as in `state`. Raises SceneError."""
@@ -101,12 +103,23 @@ class MazeBall:
         motion.centre[1] = state.centres[0] + motion.rotation[1] @ self._up
         motion.twist[:] = self._twist(state, dt)
         self.ball.advance(ball, motion, state.time - dt, dt)
-        force, moment = self.ball.reaction / dt
+        force, moment, along = self.ball.reaction / dt
+        self._pressed[:] = -along, along - force
         arm = motion.centre[0] - state.centres[0]
         wrench = np.array([force, moment + skew(arm) @ force])
         share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
+
+    def contact_forces(self, ball: BallState) -> tuple[FloatArray, FloatArray]:
+        """Return the sums of the normal forces and of the friction of floor and walls on the ball, shape (2, 3) [N].
+
+        They are means over the last step. Both begin where the normal forces press: second what that is, a point on the
+        ball [m], shape (3,).
+        """
+        size = float(np.linalg.norm(self._pressed[0]))
+        inward = self._pressed[0] / size if size else np.zeros(3)
+        return self._pressed.copy(), ball.position - self.ball.description.radius * inward
 
     @property
     def twist(self) -> FloatArray:
@@ -140,7 +153,7 @@ class MazeBall:
         out[:] = 0.0
         if ball.place is Place.PLAYING:
             nodes, centre = self.plate.nodes, state.centres[0]
-            out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self._weight)
+            out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self.weight)
 
     def _twist(self, state: State, dt: float) -> FloatArray:
         """Return velocity and angular velocity of the plate at the end of the step, shape (2, 3)."""

@@ -1,12 +1,14 @@
 """The robot of a scene as URDF, and where its links are.
 
 Links: base_link (the plane of the flat piece); carriage_i, the body of servo i, which slides inward along -x of its
-frame; arm_i, which turns about the servo's axis; effector; and, in a scene that has them, plate (fixed to the effector)
-and ball. The frame of a carriage lies on its servo's axis, x outward along the strip, z along the arm: up. A negative
-angle of servo i tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all carriages, all but
-the first as its mimics; one that does not slide is fixed. A cable commanded by its length is a prismatic joint of its
-name, whose link has no geometry; forces, pressures and tensions are left out, a comment says which. The silicone
-between the links is no rigid link; the joints of effector and ball are floating.
+frame; arm_i, which turns about the servo's axis; effector; and, in a scene that has them, plate (fixed to the
+effector) and ball. The frame of a carriage lies on its servo's axis, x outward along the strip, z along the arm: up.
+A negative angle of servo i tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all
+carriages, all but the first as its mimics; one that does not slide is fixed. A cable by its length and a force by its
+displacement are prismatic joints of their names along x of base_link: a length, not a place, so their links have no
+geometry. What is commanded by force, tension, pressure or volume has no range of length or angle, which URDF asks of
+a joint: a comment names it. The silicone between the links is no rigid link; the joints of effector and ball are
+floating.
 """
 
 import xml.etree.ElementTree as ET
@@ -41,12 +43,12 @@ def urdf(scene: Scene) -> str:
     """Return the robot of a scene as URDF.
 
     Raises:
-        SceneError: the scene has no servos, or its maze cannot be built.
+        SceneError: the scene has no actuators, or its maze cannot be built.
     """
     joints = joints_of(scene)
-    if not (joints and (joints.arms or any(a.unit == "m" for a in joints.others))):
+    if not joints:
         raise SceneError(
-            f"scene {scene.name!r} has no servos and no cables commanded by length, so there is no robot to describe; "
+            f"scene {scene.name!r} has no servos and no other actuators, so there is no robot to describe; "
             "take a scene with [servos], such as tripod"
         )
     robot = ET.Element("robot", name=scene.name)
@@ -56,7 +58,7 @@ def urdf(scene: Scene) -> str:
         _carriage(robot, i, arm, joints, slides)
         _arm(robot, i, arm, scene.servo_dynamics or ServoDynamics())
     for actuator in joints.others:
-        _pulled(robot, actuator)
+        _length(robot, actuator)
     if effector := effector_of(scene):
         disc = f"cylinder radius={effector.radius:g} length={DISC_HEIGHT:g}"
         _link(robot, EFFECTOR, disc, SILICONE)
@@ -93,17 +95,20 @@ def standing(arm: Arm) -> dict[str, Any]:
 
 
 def arm_frames(joints: Joints, at: FloatArray) -> Iterator[Frame]:
-    """Yield carriages and arms where the joints are `at`: angles [rad] and the slide [m], shape (count + 1,)."""
+    """Yield the links of joints that are `at` commands and slide [m], shape (count + 1,), each after its parent."""
     for i, arm in enumerate(joints.arms):
         yield BASE, f"carriage_{i}", arm.hub + float(at[-1]) * arm.inward, quaternion(arm.frame)
         half = -0.5 * float(at[i])
         yield f"carriage_{i}", f"arm_{i}", np.zeros(3), np.array([0, np.sin(half), 0, np.cos(half)])
+    for actuator, value in zip(joints.others, at[len(joints.arms) : -1], strict=True):
+        if actuator.unit == "m":
+            yield BASE, f"{actuator.name}_end", np.array([float(value), 0, 0]), np.array([0, 0, 0, 1.0])
 
 
 def _carriage(robot: ET.Element, i: int, arm: Arm, joints: Joints, slides: list[int]) -> None:
     name = f"carriage_{i}"
     _link(robot, name, "box size=" + ",".join(map(str, CARRIAGE)), METAL, (0, 0, -0.5 * CARRIAGE[2]))
-    first = slides[0] if slides else i
+    first = slides[0] if slides else None
     kind = "prismatic" if i in slides else "fixed"
     joint = _joint(robot, "slide" if i == first else f"slide_{i}", kind, BASE, name, arm.hub, arm.frame)
     if kind == "fixed":
@@ -130,18 +135,19 @@ def _arm(robot: ET.Element, i: int, arm: Arm, dynamics: ServoDynamics) -> None:
     )
 
 
-def _pulled(robot: ET.Element, actuator: Actuator) -> None:
-    """Add the joint of a length that is pulled in, with a link without geometry; say what URDF has no joint for."""
+def _length(robot: ET.Element, actuator: Actuator) -> None:
+    """Add the joint of an actuator that is commanded by a length [m]; name it in a comment if it is another."""
     name = actuator.name
     if actuator.unit != "m":
-        who, what = name.replace("--", "- -"), actuator.quantity
-        robot.append(ET.Comment(f" {who} is left out: URDF has no joint for a {what} "))
+        robot.append(ET.Comment(f" {name} is left out: URDF has no joint for a {actuator.quantity} "))
         return
     _link(robot, f"{name}_end")
     joint = _joint(robot, name, "prismatic", BASE, f"{name}_end")
-    low, high = actuator.low, actuator.high
+    low, high, most = actuator.low, actuator.high, actuator.effort_max or 0.0
     ET.SubElement(joint, "axis", xyz="1 0 0")
-    ET.SubElement(joint, "limit", lower=f"{low:g}", upper=f"{high:g}", effort="0", velocity=f"{high - low:g}")
+    ET.SubElement(
+        joint, "limit", lower=f"{low:g}", upper=f"{high:g}", effort=f"{most:g}", velocity=f"{high - low:g}"
+    )
 
 
 def _link(

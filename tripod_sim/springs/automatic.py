@@ -43,7 +43,7 @@ class AutomaticSprings:
             forces: Whether `system.gradient` is written at the end of a step.
         """
         self._system, self.loop, self._tolerance, self._shortest = system, loop, tolerance, shortest
-        self._write_forces, (omega, rate) = forces, fastest(loop)
+        self.writes_forces, (omega, rate) = forces, fastest(loop)
         self.forces = 0.0
         self._verlet = SHARE * semi_implicit_euler.SCHEME.longest_step(omega, 2.0 * rate)
         self._runge_kutta = rk4.SCHEME.longest_step(omega, rate)
@@ -96,7 +96,7 @@ class AutomaticSprings:
                 f"step {state.step + 1} at {state.time:.4g} s overflows, even with substeps of "
                 f"{self._shortest:g} s; set inertia.scheme = 'tr_bdf2', which is stable at any dt"
             )
-        if self._write_forces:
+        if self.writes_forces:
             write_gradient(self.loop, state, self._system.gradient)
         report = StepReport(parts=parts, rejected=rejected, dt_limit=self._runge_kutta)
         report.time_error = TimeErrorReport(np.nan, np.nan, -1, worst)

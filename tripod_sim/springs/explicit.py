@@ -47,7 +47,7 @@ class ExplicitSprings:
             forces: Whether `system.gradient` is written at the end of a step.
         """
         self._system, self.loop, self._scheme, self._divide = system, loop, scheme.tableau, divide
-        self._forces, (omega, rate) = forces, fastest(loop)
+        self.writes_forces, (omega, rate) = forces, fastest(loop)
         self.limit, self._part = scheme.longest_step(omega, rate), longest_part(scheme, omega, rate)
         self._scratch = np.zeros((8, *system.rest.shape))
         self._watch = np.zeros(5)
@@ -98,7 +98,7 @@ class ExplicitSprings:
                 f"step {state.step + 1} at {state.time:.4g} s overflows: the explicit scheme is unstable at dt {dt:g} "
                 f"s (limit {self.limit:.3g} s); {remedy(self.limit, divides=self._divide)}"
             )
-        if self._forces:
+        if self.writes_forces:
             write_gradient(self.loop, state, self._system.gradient)
         grew = int(self._watch[4])
         return StepReport(

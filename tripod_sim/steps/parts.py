@@ -64,6 +64,7 @@ class Parts:
         check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
         notes: What users should know of them, one sentence each.
         watches: Called after each step with the positions of nodes [m], each until it returns a note.
+        assembly: The soft bodies; None without any.
         soft: How many of the nodes that show the simulation belong to each soft body; empty: all that are not rigid.
         velocities: Of nodes at the start [m/s], shape (n, 3); None: at rest.
         watched: Nodes of each marker.
@@ -87,6 +88,7 @@ class Parts:
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()
     watches: tuple[Callable[[FloatArray], str], ...] = ()
+    assembly: "Assembly | None" = None
     soft: tuple[int, ...] = ()
     velocities: FloatArray | None = None
     watched: tuple[IndexArray, ...] = ()

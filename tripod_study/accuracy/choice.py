@@ -227,8 +227,9 @@ def pick(
     if not within:
         raise SceneError(
             f"--accuracy {percent(allowed)}: no setting of study {study.name!r} is so accurate; the most "
-            f"accurate one has an error of {percent(promised(study, exact))} ({settings_text(exact)}): "
-            "take it with --accuracy reference"
+            f"accurate one has an error of {percent(measured(study, exact))} in the study, at most "
+            f"{percent(promised(study, exact))} in other motions ({settings_text(exact)}): take it with "
+            "--accuracy reference"
         )
     return min(within, key=lambda p: (p.cpu, promised(study, p)))
 

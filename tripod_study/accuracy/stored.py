@@ -79,6 +79,7 @@ class StoredStudy:
         draft: Settings of the point that `--accuracy draft` takes; None: the cheapest that is exact enough for it.
         varied: Fields that it varied.
         studied: Digest of the scene as it was (see `studied.studied`); empty where the study does not say.
+        size: What errors are relative to [m]: how far the quantity goes; None where it is no length or not alone.
     """
 
     name: str
@@ -95,6 +96,7 @@ class StoredStudy:
     draft: Mapping[str, Value] | None = None
     varied: tuple[str, ...] = ()
     studied: str = ""
+    size: float | None = None
 
 
 def stored_studies() -> list[Path]:
@@ -175,6 +177,16 @@ def _study(table: Any) -> StoredStudy:
         draft=None if (draft := top.get("draft")) is None else _settings(draft, "draft"),
         varied=tuple(_settings(top.get("default", {}), "default")),
         studied="" if (studied := top.get("studied")) is None else _text(studied, "studied"),
+        size=_size(first) if not beside else None,
+    )
+
+
+def _size(quantity: Any) -> float | None:
+    """Return what the errors of a quantity are relative to [m]; None where it is no length, or nothing moves."""
+    table = _table(quantity, "quantities.0")
+    size = table.get("scale")
+    return (
+        _number(size, "quantities.0.scale") or None if table.get("unit") == "m" and size is not None else None
     )
 
 

@@ -61,6 +61,7 @@ class AccuracyFigures:
     Attributes:
         study: Its name; empty where there is none.
         quantity: What errors are of.
+        size: What they are relative to [m]; None where that is not one length.
         solves: Whether costs are of static solves, not of simulated seconds.
         measured: Relative error of the scene as it is, measured by the study in its own motion, what its reference may
             err included; None where its settings are not in the study, or anything else is not as the study had it.
@@ -76,6 +77,7 @@ class AccuracyFigures:
 
     study: str = ""
     quantity: str = ""
+    size: float | None = None
     solves: bool = False
     measured: float | None = None
     bound: float | None = None
@@ -117,6 +119,7 @@ def accuracy_summary(
     return AccuracyFigures(
         study=study.name,
         quantity=quantities(study),
+        size=study.size,
         solves=study.solves,
         measured=measured(study, point) if point else None,
         bound=promised(study, point) if point else None,

@@ -44,6 +44,7 @@ class Film {
     });
     reel.arrows.forEach((arrow, a) => {
       const counts = read(arrow.counts), points = read(arrow.points), vectors = read(arrow.vectors);
+      this.stage.arrows[a].longest = Math.max(this.stage.arrows[a].longest, arrow.longest);
       let first = 0;
       for (const count of counts) {
         const [from, to] = [3 * first, 3 * (first + count)];

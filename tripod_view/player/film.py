@@ -112,6 +112,19 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Colouring:
+    """By which field surfaces are coloured at first.
+
+    Attributes:
+        name: Of the field.
+        limits: Lowest and highest value of the colours; None: those of the whole film.
+    """
+
+    name: str
+    limits: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
 class Event:
     """Something that happened: the time [s] and what, in words."""
 
@@ -133,6 +146,7 @@ class Film:
         events: What happened.
         description: A sentence about it.
         source: Where it comes from: simulated by which version, or recorded where.
+        colouring: How surfaces are coloured at first; None: by their own colours.
     """
 
     title: str
@@ -144,6 +158,23 @@ class Film:
     events: tuple[Event, ...] = ()
     description: str = ""
     source: str = ""
+    colouring: Colouring | None = None
+
+    def field(self, name: str) -> Field | None:
+        """Return the first field of that name; None where no body has one."""
+        return next((field for body in self.bodies for field in body.fields if field.name == name), None)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return the lowest and highest value of the fields of that name, of signed ones -a and a; 0 and 0 for none."""
+        found = [field for body in self.bodies for field in body.fields if field.name == name]
+        finite = [values for field in found if (values := field.values[np.isfinite(field.values)]).size]
+        if not finite:
+            return 0.0, 0.0
+        low, high = min(float(v.min()) for v in finite), max(float(v.max()) for v in finite)
+        if any(field.signed for field in found):
+            high = max(-low, high)
+            low = -high
+        return low, high
 
     def __post_init__(self) -> None:
         k = len(self.times)
@@ -157,7 +188,11 @@ class Film:
             _need(bool(np.isfinite(body.positions).all()), body.name, "finite positions")
             _check_triangles(body.name, body.triangles, body.positions.shape[1])
             for field in body.fields:
-                _need(field.values.shape == body.positions.shape[:2], field.name, "a value of each node and picture")
+                _need(
+                    field.values.shape == body.positions.shape[:2],
+                    field.name,
+                    "a value of each node and picture",
+                )
             _check_colour(body.name, body.colour)
         for piece in self.pieces:
             _need(
@@ -169,6 +204,13 @@ class Film:
             _need(piece.poses is None or piece.poses.shape == (k, 7), piece.name, f"poses of shape ({k}, 7)")
             _check_triangles(piece.name, piece.triangles, len(piece.vertices))
             _check_colour(piece.name, piece.colour)
+        if self.colouring and self.colouring.limits:
+            low, high = self.colouring.limits
+            _need(
+                -np.inf < low < high < np.inf,
+                self.colouring.name,
+                "limits of its colours, the lower one first",
+            )
         for event in self.events:
             _need(bool(np.isfinite(event.time)), event.text, "a time of each event")
         for arrows in self.arrows:
@@ -178,7 +220,11 @@ class Film:
                 arrows.points.shape == shape == arrows.vectors.shape, arrows.name,
                 "points and vectors of shape (sum of counts, 3), and a count for each picture",
             )  # fmt: skip
-            _need(bool(np.isfinite(arrows.vectors).all() and np.isfinite(arrows.points).all()), arrows.name, "finite arrows")
+            _need(
+                bool(np.isfinite(arrows.vectors).all() and np.isfinite(arrows.points).all()),
+                arrows.name,
+                "finite arrows",
+            )
             _check_colour(arrows.name, arrows.colour)
         for curve in self.curves:
             _need(curve.values.shape == (k, len(curve.names)), curve.title, f"values of shape ({k}, names)")

@@ -4,7 +4,8 @@ Nothing is simulated or read again: what the arrays do not hold is not shown.
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -15,12 +16,26 @@ from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, radius, tube, tube_triangles
-from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
+from tripod_view.player.film import (
+    Arrows,
+    Colouring,
+    Curve,
+    Deforming,
+    Event,
+    Field,
+    Film,
+    FilmError,
+    Piece,
+    Rgb,
+)
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import Shape, ball, box, disc, joined
 from tripod_view.shade import shade
 
 Arrays = Mapping[str, Any]
+
+Fields = Callable[[FloatArray], Sequence[Field]]
+"""Returns the fields of all shown points for positions of nodes in some pictures [m], shape (k, n, 3)."""
 
 SILICONE, CLOTH, CHAIN = (240, 190, 140), (92, 148, 206), (92, 148, 206)
 RIGID: tuple[Rgb, ...] = ((214, 120, 60), (66, 140, 110), (150, 100, 180), (190, 170, 60), (90, 120, 190))
@@ -31,6 +46,18 @@ OBSTACLE, MAZE, GOAL, BALL, BELT = (
     (205, 45, 45),
     (250, 240, 225),
 )
+
+FORCES: Mapping[str, Rgb] = {
+    "normal force": (214, 39, 40),
+    "friction": (255, 127, 14),
+    "reaction": (31, 119, 180),
+    "reaction moment": (106, 81, 163),
+    "cable tension": (0, 140, 140),
+    "servo torque": (194, 24, 91),
+    "load": (44, 140, 44),
+    "weight": (110, 110, 110),
+}
+"""Colours of groups of forces."""
 
 DISC_HEIGHT = 0.006
 """Of an effector's disc [m]."""
@@ -75,24 +102,32 @@ SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "rigid": (STEPS, None, 7), "triangles": (None, 3), "bodies": (None,), "arms": (None, 13),
     "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
     "maze_goal": (4,), "event_times": (None,), "actuator_positions": (STEPS, None), "actuator_efforts": (STEPS, None),
-    "cables": (STEPS, None, 3), "cable_points": (None,),
+    "cables": (STEPS, None, 3), "cable_points": (None,), "force_counts": (STEPS, None), "force_points": (None, 3),
+    "force_vectors": (None, 3),
 }  # fmt: skip
 """Shapes of the arrays of numbers; None: any length."""
 
-MOVING = tuple(name for name, shape in SHAPES.items() if shape[0] == STEPS and name != "time")
-"""Arrays that have a row for each time."""
+MOVING = tuple(
+    name for name, shape in SHAPES.items() if shape[0] == STEPS and name not in ("time", "force_counts")
+)
+"""Arrays that have a row for each time, of which only some are read."""
 
-WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points")
+WHOLE = ("triangles", "bodies", "still_triangles", "maze_triangles", "cable_points", "force_counts")
 """Arrays of whole numbers."""
 
 
-def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf) -> Film:
+def film_of(
+    arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf, fields: Fields | None = None,
+    colouring: Colouring | None = None,
+) -> Film:  # fmt: skip
     """Return the film of a run.
 
     Args:
         arrays: By name, as `tripod run --out` writes them.
         steps: Which of them are shown; None: `pictures` chooses.
         after: Events up to this time are left out [s].
+        fields: By what surfaces may be coloured.
+        colouring: By which of them they are at first.
 
     Raises:
         FilmError: arrays are missing or do not fit each other, or there are no such steps.
@@ -114,15 +149,18 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
     scene = _scene(str(arrays["scene"]))
     dt = _number(scene, "dt", default=np.nan)
     times = np.asarray(arrays["time"], float)[steps]
+    numbers = fields(arrays["positions"][steps]) if fields else ()
     return Film(
         title=str(scene.get("name", "run")),
         description=str(scene.get("description", "")),
         source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * dt:.4g} ms; no robot was moved.",
         times=times,
-        bodies=(*_bodies(arrays, shown[steps], scene), *_cables(arrays, shown, steps)),
+        bodies=(*_bodies(arrays, shown[steps], scene, numbers), *_cables(arrays, shown, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
+        arrows=tuple(_arrows(arrays, steps)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
+        colouring=colouring,
     )
 
 
@@ -156,6 +194,19 @@ def _check_arrays(arrays: Arrays) -> None:
         if not named or (counts < 2).any() or counts.sum() != arrays["cables"].shape[1]:
             raise FilmError(
                 f"cable_points: a film needs at least 2 of each of cable_names, {arrays['cables'].shape[1]} in all"
+            )
+    if "force_counts" in arrays:
+        counts, total = arrays["force_counts"], len(arrays.get("force_points", ()))
+        named = len(arrays.get("force_names", ())) == len(arrays.get("force_units", ())) == counts.shape[1]
+        if (
+            not named
+            or (counts < 0).any()
+            or counts.sum() != total
+            or len(arrays.get("force_vectors", ())) != total
+        ):
+            raise FilmError(
+                f"force_counts: a film needs one of each step and each of force_names and force_units, {total} in all, "
+                "as many as force_points and force_vectors"
             )
     texts = arrays.get("event_texts", np.zeros(0))
     if len(np.shape(texts)) != 1 or len(texts) != len(arrays.get("event_times", ())):
@@ -194,8 +245,10 @@ def _entry(table: Any, *keys: str | int) -> Any:
     return table
 
 
-def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list[Deforming]:
-    """Return soft and rigid bodies, each with the triangles that have corners of it."""
+def _bodies(
+    arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any], fields: Sequence[Field]
+) -> list[Deforming]:
+    """Return soft and rigid bodies, each with the triangles that have corners of it, and with the `fields` of all."""
     soft = [("silicone", SILICONE)] if "mesh" in scene else []
     soft += [("springs", CLOTH)] if "springs" in scene else []
     soft += [(str(b.get("name")), CLOTH if "springs" in b else SILICONE) for b in scene["body"]]
@@ -212,34 +265,42 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
             raise FilmError(f"scene: it describes {len(soft)} soft bodies; bodies has nodes of more")
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
         name, colour = soft[i] if k < 0 else (_rigid_names(scene)[k], RIGID[k % len(RIGID)])
-        found.append(Deforming(name, own, shown[:, low:high], colour))
+        parts = tuple(_on_surface(field, slice(low, high), own) for field in fields)
+        found.append(Deforming(name, own, shown[:, low:high], colour, fields=parts))
     return found
+
+
+def _on_surface(field: Field, part: slice, triangles: NDArray[np.int64]) -> Field:
+    """Return a field of one body, where its triangles are: values that nobody sees would take room."""
+    values, corners = np.full_like(field.values[:, part], np.nan), np.unique(triangles)
+    values[:, corners] = field.values[:, part][:, corners]
+    return replace(field, values=values)
 
 
 def _cables(arrays: Arrays, shown: FloatArray, steps: NDArray[np.int64]) -> list[Deforming]:
     """Return cables as tubes, thin where slack."""
     if "cables" not in arrays:
         return []
-    extent = float(np.ptp(shown[0], axis=0).max())
-    forces = {name: values if unit == "N" else back for name, unit, values, back in _actuators(arrays)}
+    extent = float(np.ptp(shown[np.zeros(1, dtype=np.int64)][0], axis=0).max())
+    forces = {name: values if unit == "N" else back for name, unit, values, back in _actuators(arrays, steps)}
     ends = np.cumsum([0, *np.asarray(arrays["cable_points"]).tolist()]).tolist()
     found = []
     for name, (low, high) in zip(arrays["cable_names"].tolist(), pairwise(ends), strict=True):
-        radii = radius(extent, forces[name][steps] if name in forces else np.ones(len(steps)))
-        nodes = tube(arrays["cables"][steps, low:high], radii)
+        radii = radius(extent, forces[name] if name in forces else np.ones(len(steps)))
+        nodes = tube(arrays["cables"][steps][:, low:high], radii)
         found.append(Deforming(f"cable {name}", tube_triangles(high - low), nodes, TAUT_COLOUR, through=True))
     return found
 
 
-def _actuators(arrays: Arrays) -> list[tuple[str, str, FloatArray, FloatArray]]:
-    """Return of each actuator that is no servo its name, the unit of its command, the commands, shape (k,), and what it
-    gave in return.
+def _actuators(arrays: Arrays, steps: NDArray[np.int64]) -> list[tuple[str, str, FloatArray, FloatArray]]:
+    """Return of each actuator that is no servo its name, the unit of its command, the commands in `steps`, shape (k,),
+    and what it gave in return.
     """
     found = []
     for i, (name, unit) in enumerate(
         zip(arrays.get("actuator_names", ()), arrays.get("actuator_units", ()), strict=False)
     ):
-        position, effort = (arrays[f"actuator_{kind}"][:, i] for kind in ("positions", "efforts"))
+        position, effort = (arrays[f"actuator_{kind}"][steps][:, i] for kind in ("positions", "efforts"))
         pair = (effort, position) if unit in EFFORT_UNITS else (position, effort)
         found.append((str(name), str(unit), *pair))
     return found
@@ -304,10 +365,10 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         stall = _number(scene, "servo_dynamics", "stall_torque", default=0.0)
         limits = (stall, -stall) if stall else ()
         found.append(Curve("servo torques", "N m", servos, arrays["torques"][steps], limits))
-    others = _actuators(arrays)
+    others = _actuators(arrays, steps)
     for kind in dict.fromkeys(unit for _, unit, *_ in others):
         names = tuple(name for name, unit, *_ in others if unit == kind)
-        sides = [np.stack([row[k][steps] for row in others if row[1] == kind], axis=1) for k in (2, 3)]
+        sides = [np.stack([row[k] for row in others if row[1] == kind], axis=1) for k in (2, 3)]
         (factor, shown), (back, given) = SHOWN.get(kind, (1.0, kind)), ANSWERS.get(kind, (1.0, ""))
         found.append(Curve(QUANTITIES.get(kind, "command"), shown, names, factor * sides[0]))
         found.append(Curve(RETURNED.get(kind, "answer"), given, names, back * sides[1]))
@@ -322,6 +383,22 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
         joules = arrays["energies"][steps]
         unit, scale = ("J", 1.0) if np.abs(joules).max() >= 1 else ("mJ", 1e3)
         found.append(Curve("energies", unit, ("kinetic", "strain", "gravity"), scale * joules))
+    return found
+
+
+def _arrows(arrays: Arrays, steps: NDArray[np.int64]) -> list[Arrows]:
+    """Return the forces on the bodies, as far as they were recorded."""
+    if "force_counts" not in arrays:
+        return []
+    counts = np.asarray(arrays["force_counts"], np.int64)
+    ends, found = counts.ravel().cumsum().reshape(counts.shape), []
+    for g, (name, unit) in enumerate(zip(arrays["force_names"], arrays["force_units"], strict=True)):
+        own = counts[steps, g]
+        rows = np.repeat(ends[steps, g] - own.cumsum(), own) + np.arange(own.sum())
+        colour = FORCES.get(str(name), OBSTACLE)
+        found.append(Arrows(
+            str(name), str(unit), colour, own, arrays["force_points"][rows], arrays["force_vectors"][rows]
+        ))  # fmt: skip
     return found
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_view.player.camera import camera
 from tripod_host.arrays import FloatArray
+from tripod_view.player.camera import camera
 from tripod_view.player.colour_maps import MAPS
 from tripod_view.player.film import Arrows, Film
 
@@ -82,6 +82,7 @@ def stage(film: Film) -> dict[str, Any]:
             {"name": a.name, "unit": a.unit, "colour": a.colour, "longest": longest(a)} for a in film.arrows
         ],
         "maps": MAPS,
+        "colouring": _colouring(film),
         "curves": [
             {"title": c.title, "unit": c.unit, "names": c.names, "limits": c.limits} for c in film.curves
         ],
@@ -124,6 +125,7 @@ def reel(film: Film) -> dict[str, Any]:
                 "counts": packer.add(a.counts, "u4"),
                 "points": packer.add(a.points, "f4"),
                 "vectors": packer.add(a.vectors, "f4"),
+                "longest": longest(a),
             }
             for a in film.arrows
         ],
@@ -133,10 +135,21 @@ def reel(film: Film) -> dict[str, Any]:
     }
 
 
+def _colouring(film: Film) -> dict[str, Any] | None:
+    """Return by which field, and in which limits, the player colours at first; limits None: those of each picture."""
+    chosen = film.colouring
+    if not (chosen and film.field(chosen.name)):
+        return None
+    limits = chosen.limits or (film.limits(chosen.name) if len(film.times) > 1 else None)
+    return {"name": chosen.name, "limits": limits if limits and limits[0] < limits[1] else None}
+
+
 def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
     """Return the values of a field as codes 0 to `CODES` of their range, and where the player finds them."""
     finite = np.isfinite(values)
-    low, high = (float(end) for end in (values[finite].min(), values[finite].max())) if finite.any() else (0.0, 0.0)
+    low, high = (
+        (float(end) for end in (values[finite].min(), values[finite].max())) if finite.any() else (0.0, 0.0)
+    )
     step = (high - low) / CODES
     codes = np.full(values.shape, CODES + 1, np.uint8)
     codes[finite] = np.rint((values[finite] - low) / step).astype(np.uint8) if step > 0 else 0

@@ -7,8 +7,11 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_view.player.camera import Camera, camera
-from tripod_view.player.film import Film, Rgb
+from tripod_view.player.colour_scale import scale_of
+from tripod_view.player.film import Deforming, Film, Rgb
+from tripod_view.player.packing import longest
 from tripod_view.player.picture_kernels import draw_lines, fill_triangles
+from tripod_view.player.shapes import Shape, disc
 
 HALF_ANGLE = 0.3
 """Half the angle of view [rad]."""
@@ -18,6 +21,15 @@ THROUGH = 0.35
 
 FINER = 2
 """Points of a side for each that is shown."""
+
+MARGIN = 8
+"""Of the legend, from the corner [points]."""
+
+ARROW, THICK = 0.4, 0.012
+"""Length of the longest arrow of a group over the radius of the scene, and thickness of all, as in `view.js`."""
+
+HEAD, WIDE, FACES = 5.0, 2.2, 10
+"""Length and width of the head of an arrow over its thickness, and faces of it."""
 
 SKY, GROUND_HAZE, GRID, SHADOW = (244, 247, 250), (221, 228, 234), (120.0, 135.0, 150.0), 0.87
 
@@ -35,6 +47,8 @@ class Painter:
         self._grid = _grid(self._view)
         columns, rows = FINER * size[0], FINER * size[1]
         share = np.linspace(0, 1, rows)[:, None, None]
+        self._scale = scale_of(film)
+        self._legend = self._scale.legend() if self._scale else None
         self._sky = np.broadcast_to((1 - share) * SKY + share * GROUND_HAZE, (rows, columns, 3)).copy()
 
     def picture(self, k: int) -> NDArray[np.uint8]:
@@ -48,18 +62,26 @@ class Painter:
         moved = np.array([*np.rint((centre - self._view.centre)[:2] / cell) * cell, 0.0])
         draw_lines(self._seen(grid + moved, centre), lines, np.array(GRID), 0.35, image, depth)
         self._shadows(shapes, centre, image)
-        for vertices, triangles, colour in shapes:
+        for vertices, triangles, colours in shapes:
             if len(triangles):
-                shades = self._shades(vertices, triangles, colour, centre)
+                shades = self._light(vertices, triangles, centre)[:, None, None] * colours
                 fill_triangles(self._seen(vertices, centre), triangles, shades, image, depth)
         for body in self._film.bodies:
             if body.through:
                 whole, near = image.copy(), np.zeros(image.shape[:2])
-                shades = np.full((len(body.triangles), 3), body.colour, float)
+                shades = np.full((len(body.triangles), 1, 3), body.colour, float)
                 fill_triangles(self._seen(body.positions[k], centre), body.triangles, shades, whole, near)
                 image += THROUGH * (whole - image)
+        in_front = np.zeros_like(depth)  # arrows are seen through all else
+        for vertices, triangles, colour in self._arrows(k):
+            shades = self._light(vertices, triangles, centre)[:, None, None] * np.array(colour, float)
+            fill_triangles(self._seen(vertices, centre), triangles, shades, image, in_front)
         smaller = image.reshape(self.size[1], FINER, self.size[0], FINER, 3).mean(axis=(1, 3))
-        return np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
+        picture = np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
+        if self._legend is not None:
+            rows, columns = self._legend.shape[:2]
+            picture[MARGIN : MARGIN + rows, MARGIN : MARGIN + columns] = self._legend
+        return picture
 
     def _centre(self, k: int) -> FloatArray:
         """Return what is looked at; it goes along with bodies that go far."""
@@ -69,9 +91,9 @@ class Painter:
             centre += positions[k].mean(axis=0) - positions[0].mean(axis=0)
         return centre
 
-    def _shapes(self, k: int) -> list[tuple[FloatArray, IndexArray, Rgb]]:
-        """Return vertices in the world, triangles and colour of all that is there in picture k."""
-        found = [(body.positions[k], body.triangles, body.colour) for body in self._film.bodies]
+    def _shapes(self, k: int) -> list[tuple[FloatArray, IndexArray, FloatArray]]:
+        """Return vertices in the world, triangles and their colours of all that is there in picture k."""
+        found = [(body.positions[k], body.triangles, self._colours(body, k)) for body in self._film.bodies]
         for piece in self._film.pieces:
             vertices = piece.vertices
             if piece.poses is not None:
@@ -81,7 +103,26 @@ class Painter:
                 axis, w = pose[3:6], pose[6]
                 turned = 2 * np.cross(axis, vertices)
                 vertices = vertices + w * turned + np.cross(axis, turned) + pose[:3]
-            found.append((vertices, piece.triangles, piece.colour))
+            found.append((vertices, piece.triangles, np.array(piece.colour, float)[None, None]))
+        return found
+
+    def _colours(self, body: Deforming, k: int) -> FloatArray:
+        """Return the colour of a body, shape (1, 1, 3), or of the corners of its triangles, shape (m, 3, 3)."""
+        field = next((f for f in body.fields if self._scale and f.name == self._scale.name), None)
+        if not (self._scale and field):
+            return np.array(body.colour, float)[None, None]
+        return self._scale.colours(field.values[k])[body.triangles]
+
+    def _arrows(self, k: int) -> list[tuple[FloatArray, IndexArray, Rgb]]:
+        """Return vertices in the world, triangles and colour of the arrows of each group in picture k."""
+        found, thick = [], THICK * self._view.radius
+        for arrows in self._film.arrows:
+            own = slice(*(int(arrows.counts[:end].sum()) for end in (k, k + 1)))
+            scale = ARROW * self._view.radius / (longest(arrows) or 1.0)
+            vectors = scale * arrows.vectors[own]
+            seen = np.linalg.norm(vectors, axis=1) > 0.5 * thick
+            if seen.any():
+                found.append((*_arrow_shapes(arrows.points[own][seen], vectors[seen], thick), arrows.colour))
         return found
 
     def _seen(self, vertices: FloatArray, centre: FloatArray) -> FloatArray:
@@ -101,10 +142,8 @@ class Painter:
         aspect = self.size[0] / self.size[1]
         return self._view.radius / math.sin(HALF_ANGLE) / min(1.0, aspect)
 
-    def _shades(
-        self, vertices: FloatArray, triangles: IndexArray, colour: Rgb, centre: FloatArray
-    ) -> FloatArray:
-        """Return the colour of each triangle in the light, seen from either side."""
+    def _light(self, vertices: FloatArray, triangles: IndexArray, centre: FloatArray) -> FloatArray:
+        """Return how bright each triangle is, seen from either side."""
         a, b, c = (vertices[triangles[:, i]] for i in range(3))
         normal = np.cross(b - a, c - a)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
@@ -113,10 +152,10 @@ class Painter:
         light = 0.52 + 0.16 * normal[:, 2]
         for strength, direction in ((0.40, (0.6, -0.3, 1.0)), (0.12, (-0.6, 0.7, 0.3))):
             light += strength * np.maximum(normal @ (np.array(direction) / np.linalg.norm(direction)), 0)
-        return np.asarray(light[:, None] * np.array(colour, float))
+        return np.asarray(light)
 
     def _shadows(
-        self, shapes: list[tuple[FloatArray, IndexArray, Rgb]], centre: FloatArray, image: FloatArray
+        self, shapes: list[tuple[FloatArray, IndexArray, FloatArray]], centre: FloatArray, image: FloatArray
     ) -> None:
         """Darken the ground under all shapes."""
         floor = self._view.floor
@@ -135,9 +174,31 @@ class Painter:
                     axis=1,
                 )
                 fill_triangles(
-                    self._seen(flat, centre), triangles, np.full((len(triangles), 3), SHADOW), mask, depth
+                    self._seen(flat, centre), triangles, np.full((len(triangles), 1, 3), SHADOW), mask, depth
                 )
         image *= mask
+
+
+def _arrow_shapes(points: FloatArray, vectors: FloatArray, thick: float) -> Shape:
+    """Return arrows from `points` along `vectors`, both of shape (k, 3) [m], their shafts of radius `thick` [m]."""
+    length = np.linalg.norm(vectors, axis=1)
+    along = vectors / length[:, None]
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    frames = np.stack([across, np.cross(along, across), along], axis=1)
+    head, (unit, triangles) = np.minimum(length, HEAD * thick)[:, None], disc(1.0, 1.0, FACES)
+    upper, rim = unit[:, 2] > 0, thick * unit[:, :2]
+    start, neck, end = np.zeros((len(points), 1)), length[:, None] - head, length[:, None]
+    shaft = _placed(points, frames, rim, np.where(upper, neck, start))
+    tip = _placed(points, frames, WIDE * rim * ~upper[:, None], np.where(upper, end, neck))
+    every = np.arange(2 * len(points))[:, None, None] * len(unit) + triangles
+    return np.concatenate([shaft, tip]), every.reshape(-1, 3)
+
+
+def _placed(points: FloatArray, frames: FloatArray, aside: FloatArray, along: FloatArray) -> FloatArray:
+    """Return what is `aside` (v, 2) and `along` (k, v) in each frame (k, 3, 3) at `points` (k, 3), shape (k v, 3)."""
+    local = np.concatenate([np.broadcast_to(aside, (*along.shape, 2)), along[:, :, None]], axis=2)
+    return np.asarray(points[:, None] + local @ frames).reshape(-1, 3)
 
 
 def _axes(view: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:

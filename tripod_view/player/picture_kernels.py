@@ -15,11 +15,12 @@ def fill_triangles(
     Args:
         points: Column, row and 1 / distance of each vertex; 0 and less: behind the eye, shape (n, 3).
         triangles: Shape (m, 3).
-        colours: Of each triangle, shape (m, 3).
+        colours: Of each triangle, shape (m, 1, 3), or of each of its corners, shape (m, 3, 3).
         picture: Changed, shape (h, w, 3).
         depth: 1 / distance of what is there; changed, shape (h, w).
     """
     rows, columns = depth.shape
+    smooth = colours.shape[1] == 3
     for t in range(len(triangles)):
         a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
         if min(a[2], b[2], c[2]) <= 0.0:
@@ -41,7 +42,10 @@ def fill_triangles(
                 near = u * a[2] + v * b[2] + w * c[2]
                 if near > depth[y, x]:
                     depth[y, x] = near
-                    picture[y, x] = colours[t]
+                    if smooth:
+                        picture[y, x] = u * colours[t, 0] + v * colours[t, 1] + w * colours[t, 2]
+                    else:
+                        picture[y, x] = colours[t, 0]
 
 
 @njit(cache=True)

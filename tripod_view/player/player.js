@@ -5,7 +5,7 @@ const PARTS = /^(servo|arm|goal)\b/; // pieces that no camera follows
 
 const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "–");
 
-// What the surface may be coloured by: its own colours, displacement, and the fields of the film.
+// What the surface may be coloured by: its own colours, and the fields of the film.
 class Colours {
   constructor(film, view) {
     this.film = film;
@@ -17,7 +17,8 @@ class Colours {
       names.get(field.name).of.push([b, f]);
     }));
     const all = film.stage.bodies.map((_, b) => [b, -1]).filter(([b]) => film.stage.bodies[b].nodes);
-    this.fields = new Map([["displacement", { unit: "m", map: "plain", of: all }], ...names]);
+    const moved = names.has("displacement") ? [] : [["moved since the first picture", { unit: "m", map: "plain", of: all }]];
+    this.fields = new Map([...moved, ...names]);
     this.values = film.stage.bodies.map((body) => new Float32Array(body.nodes));
     this.chosen = "";
     this.range = null; // fixed range, or null: that of the picture
@@ -113,6 +114,11 @@ async function main() {
   // ---- controls
 
   for (const name of colours.fields.keys()) option(byId("colour"), name, name);
+  if (stage.colouring) {
+    byId("colour").value = stage.colouring.name;
+    colours.choose(stage.colouring.name);
+    colours.range = stage.colouring.limits;
+  }
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
   const movers = new Map();
@@ -188,6 +194,7 @@ async function main() {
     colours.paint(moment);
     stage.arrows.forEach((arrow, a) => {
       const { points, vectors } = film.arrows[a][moment[0]], on = byId(`arrow-${a}`).checked, none = new Float32Array(0);
+      byId(`arrow-${a}`).nextSibling.data = ` ${arrow.name}, up to ${arrow.longest.toPrecision(2)} ${arrow.unit}`;
       view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.arrowScale(arrow.longest));
     });
     view.trail(showPath ? film.path(movers.get(Number(followed) ? stage.pieces[followed].name : main), moment) : []);

@@ -11,7 +11,7 @@ function tick(span, count) {
 }
 
 // A number with the digits that tell ticks `step` apart.
-const ticked = (v, step) => v.toFixed(clamp(Math.ceil(-Math.log10(step) - 1e-9), 0, 9)).replace(/^-(?=[0.]+$)/, "");
+const ticked = (v, step) => step < 1e-5 || step >= 1e7 ? (Math.abs(v) < step / 2 ? "0" : v.toExponential(1)) : v.toFixed(clamp(Math.ceil(-Math.log10(step) - 1e-9), 0, 9)).replace(/^-(?=[0.]+$)/, "");
 
 class Plot {
   constructor(plots, title, unit, series, limits) {

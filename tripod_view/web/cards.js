@@ -19,7 +19,7 @@ function accuracy() {
     const run = value("run");
     if (!figures) return;
     const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
-    const cost = seconds ? `; now ${milli(run.step)} of computing a step, enough for ${Number((1 / seconds).toPrecision(2))} x real time` : "";
+    const cost = seconds ? `; now ${milli(run.step)} a step (steps alone: ${Number((1 / seconds).toPrecision(2))} x real time)` : "";
     const known = figures.measured !== null && figures.measured !== undefined;
     const error = known ? `about ${percent(figures.measured)} (measured in the accuracy study)` : figures.line;
     setText(here, `You are here: error ${error}${cost}`);
