@@ -276,6 +276,7 @@ def test_a_servo_a_cable_and_a_chamber_are_commanded_in_one_message(
 ) -> None:
     others = Joint("tendon", "m", 0.0, 0.03, 0.03), Joint("air", "Pa", 0.0, 30e3, 30e3)
     stage.sim.have_joints(1, others)
+    browser.wait(lambda: [kind["servo"] for kind in browser.value("kinds") or []] == [True, False, False])
     browser.wait(lambda: browser.value("joints") and len(browser.value("joints")["asked"]) == 3)
     browser.press("TELEOP")
     stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
@@ -293,6 +294,9 @@ def test_a_servo_a_cable_and_a_chamber_are_commanded_in_one_message(
         lambda: str((sent(), browser.text())),
     )
     assert list(stage.sim.commands[-1].joint_names) == ["servo_0", "tendon", "air"]
+    browser.press("STOP")
+    stage.sim.have_joints(3, ())
+    browser.wait(lambda: [kind["servo"] for kind in browser.value("kinds")] == [True] * 3)
 
 
 def test_the_working_pose_is_a_slow_path_that_a_slider_ends(stage: Stage, browser: FakeBrowser) -> None:
