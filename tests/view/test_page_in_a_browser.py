@@ -16,6 +16,7 @@ pytest.importorskip("tripod_msgs")
 pytest.importorskip("playwright")
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -506,16 +507,27 @@ def test_the_target_is_dragged_by_its_handle(stage: Stage, browser: Any) -> None
     show(stage.sim, "tripod")
     nodes, triangles = stage.sim.body
     with Opened(browser, stage, "screen") as opened:
-        opened.press("Just watch", "Bring target to effector")
-        still = place(opened, "servo 0")
-        stage.sim.targets.clear()
+        opened.press("Just watch")
+        resting = PoseStamped()
+        resting.header.frame_id, resting.header.stamp = names.WORLD, stage.sim.get_clock().now().to_msg()
+        stage.sim.target.publish(resting)  # it would ride on the effector
         page, box = opened.page, stage_box(opened)
         x, y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
-        up = stage.wait(lambda: next((s for s in range(60, 250, 6) if is_handle(opened, x, y - s)), None))
+
+        def tip() -> int | None:
+            """Return how far above the middle the tip of the handle is [px], once it rests."""
+            found = [
+                next((s for s in range(250, 40, -6) if is_handle(opened, x, y - s)), None) for _ in range(2)
+            ]
+            return found[0] if found[0] == found[1] else None
+
+        up = stage.wait(tip)
+        still = place(opened, "servo 0")
+        stage.sim.targets.clear()
         page.mouse.move(x, y - up)
         page.mouse.down()
         page.mouse.move(x, y - up - 30, steps=5)
-        stage.wait(lambda: any(t.pose.position.z > 0.01 for t in stage.sim.targets))
+        stage.wait(lambda: any(t.pose.position.z > 0.003 for t in stage.sim.targets))
         page.mouse.up()
         last = stage.sim.targets[-1].pose.position
         assert (abs(last.x) < 1e-6, abs(last.y) < 1e-6) == (True, True)  # along its axis
