@@ -74,9 +74,6 @@ def main() -> None:
             page.goto(url, wait_until="commit")
             page.wait_for_function("() => document.body.classList.contains('has-known')", polling=100)
             page.get_by_text("Just watch").click()
-            page.evaluate(  # the browser's complaint that it has no graphics card
-                "() => document.querySelectorAll('[class*=Notification]').forEach((e) => e.remove())"
-            )
             page.mouse.move(width / 3, height / 2)
             for _ in range(options.zoom):
                 page.mouse.wheel(0, -100)

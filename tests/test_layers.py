@@ -71,7 +71,6 @@ OPTIONAL = {"tripod_sim.linear.cholmod", "tripod_identify.marker", "tripod_bring
 """Modules that need an optional extra; nothing imports them unless a scene names them or the extra is there."""
 
 HOME = {
-    "viser": {"tripod_view"},
     "websockets": {"tripod_view"},
     "serial": {"tripod_driver", "tripod_bringup"},  # the doctor looks at ports
     "mcap": {"tripod_record"},
@@ -238,13 +237,13 @@ def test_a_fresh_interpreter_loads_the_pure_modules_without_ros(package: str) ->
     assert package in loaded
     assert not {m for m in loaded if is_ros(m)}
     if package in {"tripod_graph", "tripod_sim", "tripod_study", "tripod_ik", "tripod_identify"}:
-        assert not loaded & {"serial", "viser", "mcap", "typer", "rich"}
+        assert not loaded & {"serial", "websockets", "mcap", "typer", "rich"}
 
 
 def test_the_simulator_as_a_library_loads_neither_ros_nor_port_nor_page_nor_recorder() -> None:
     loaded = loaded_by("from tripod_sim import Simulation, load_scene; Simulation(load_scene('tripod'))")
     assert {"numba", "qdldl"} <= loaded
-    assert not loaded & {"serial", "viser", "mcap", "osqp", "typer", "rich", "meshio", "matplotlib"}
+    assert not loaded & {"serial", "websockets", "mcap", "osqp", "typer", "rich", "meshio", "matplotlib"}
     assert not {m for m in loaded if is_ros(m)}
 
 

@@ -130,7 +130,7 @@ def check_messages(run: Callable[[str], Probe] = probe) -> Check:
 SIMULATOR = ("numpy", "scipy", "numba", "qdldl", "osqp")
 """What the simulator and inverse kinematics import."""
 
-NODES = ("serial", "viser", "mcap", "yaml")
+NODES = ("serial", "websockets", "mcap", "yaml")
 """What the nodes import besides that and ROS."""
 
 OF_NODES = ("rclpy", "tripod_msgs", "packages of nodes")

@@ -13,13 +13,10 @@ from typing import Any, Final
 from websockets.asyncio.server import ServerConnection, broadcast
 from websockets.exceptions import ConnectionClosed
 
-from tripod_view.events import EventError, Inbox, Joined, Left, Nonsense, event_of
+from tripod_view.events import LONGEST, EventError, Inbox, Joined, Left, Nonsense, event_of
 
 PATH: Final = "/page/channel"
 """Of the websocket, behind the token."""
-
-LONGEST: Final = 1000
-"""Of a message of a browser [characters]; a longer one is refused unread."""
 
 
 class Channel:

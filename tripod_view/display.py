@@ -15,6 +15,7 @@ from tripod_view import words
 from tripod_view.body import Body, Surface
 from tripod_view.cable import SLACK
 from tripod_view.control import Control
+from tripod_view.drawing import Drawing
 from tripod_view.panel import Panel
 from tripod_view.picture import Picture
 from tripod_view.pose import Pose
@@ -22,7 +23,6 @@ from tripod_view.recorder import Recorder
 from tripod_view.rejects import Rejects
 from tripod_view.replay import Moment, Replay
 from tripod_view.scene import Scene
-from tripod_view.server import PageServer
 from tripod_view.target import TargetHandle
 from tripod_view.words import Light, Line
 
@@ -63,8 +63,8 @@ class Display:
         recorder: What is known of the recorder.
     """
 
-    def __init__(self, server: PageServer, scene: Scene, panel: Panel) -> None:
-        self._server, self._scene, self._panel = server, scene, panel
+    def __init__(self, drawing: Drawing, scene: Scene, panel: Panel) -> None:
+        self._drawing, self._scene, self._panel = drawing, scene, panel
         self.body = Body()
         self.replay = Replay()
         self.effector: Pose | None = None
@@ -145,18 +145,6 @@ class Display:
         self._scene.let_turn(turns)
         self._target_changed = True
 
-    def show_lines(self, visible: bool) -> None:
-        """Show or hide the lines of the mesh."""
-        self._scene.show_lines(visible)
-
-    def fit(self) -> None:
-        """Show all there is."""
-        self._scene.fit()
-
-    def aim(self, client: int) -> None:
-        """Show all there is in one browser."""
-        self._scene.aim(client)
-
     def wants_speed(self, now: float) -> bool:
         """Return whether the simulator is to be asked for figures of this machine: seldom, until it has told them."""
         accuracy = self._scene.picture.accuracy
@@ -201,7 +189,7 @@ class Display:
         """Draw a picture; the panel follows every PANEL_PERIOD."""
         now = time.monotonic()
         past = self.replay.moment(now)
-        with self._server.atomic():
+        with self._drawing.picture():
             self._take_body()
             target.low, target.high = self._scene.target_box
             self._draw_game()

@@ -23,14 +23,15 @@ class Button(Enum):
     WORKING_POSE = "working pose"
     PARK = "park"
     FETCH_TARGET = "bring target to effector"
-    FIT = "fit the camera"
-    MESH_LINES = "mesh lines"
     RECORD = "record"
     STOP_RECORDING = "stop recording"
 
 
 MOST_SERVOS = 64
 """Of a message of the page."""
+
+LONGEST = 1000
+"""Of a message of a browser [characters]; a longer one is refused unread."""
 
 WISHES = ("reset", "pause", "run", "step", "drop", "as_shipped")
 """What is asked of the simulator by one word."""
@@ -104,11 +105,11 @@ class Grabbed:
 
 @dataclass(frozen=True)
 class Dragged:
-    """The handle was dragged by `client` to `position` [m] and turned to `wxyz`, as the browser sent it (unchecked)."""
+    """The handle was dragged by `client` to `position` [m] and turned to `quaternion` (x, y, z, w), unchecked lists."""
 
     client: int
     position: Any
-    wxyz: Any = (1.0, 0.0, 0.0, 0.0)
+    quaternion: Any = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -119,10 +120,8 @@ class Dropped:
 
 
 @dataclass(frozen=True)
-class Watching:
-    """The 3-D view of `client` has opened."""
-
-    client: int
+class Took:
+    """A browser took a picture."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ class Left:
 
 Event = (
     Pressed | SliderMoved | JointMoved | SlideMoved | KeysHeld | Wish | Replayed | Nonsense
-    | Grabbed | Dragged | Dropped | Watching | Joined | Left
+    | Grabbed | Dragged | Dropped | Joined | Left
 )  # fmt: skip
 
 
@@ -152,11 +151,7 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
     {"sim": "reset"},
     {"effect": "sleep", "on": true}, {"accuracy": "5%"}, {"replay": 12.5, "running": true}, {"replay": null}
     """
-    try:
-        table: Any = json.loads(text)
-    except (ValueError, RecursionError):
-        raise EventError(f"{text!r:.60} is not JSON") from None
-    match table:
+    match _table(text):
         case {"press": str(name)} if name in {b.value for b in Button}:
             return Pressed(Button(name))
         case {"servo": servo, "degrees": degrees} if type(servo) is int and 0 <= servo < MOST_SERVOS:
@@ -180,6 +175,30 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
         case {"replay": age, "running": bool(running)}:
             return Replayed(_number("replay", age), running)
     raise EventError(f"{text!r:.60} is not a known action")
+
+
+def hand_of(text: str | bytes, client: int) -> Grabbed | Dragged | Dropped | Took:
+    """Return what a message of the 3-D view of `client` means. Raises EventError.
+
+    {"took": true}, {"grab": true}, {"drag": [x, y, z], "turn": [x, y, z, w]} [m], {"drop": true}
+    """
+    match _table(text):
+        case {"took": True}:
+            return Took()
+        case {"grab": True}:
+            return Grabbed(client)
+        case {"drag": [*position], "turn": [*quaternion]}:
+            return Dragged(client, position, quaternion)
+        case {"drop": True}:
+            return Dropped(client)
+    raise EventError(f"{text!r:.60} is not a known action")
+
+
+def _table(text: str | bytes) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        raise EventError(f"{text!r:.60} is not JSON") from None
 
 
 def _number(name: str, value: Any) -> float:

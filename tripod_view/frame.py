@@ -8,12 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
+from tripod_view.drawing import Aim
 from tripod_view.picture import Picture
 
-FIELD = np.radians(38)
+FIELD = 0.6
 """Of view of the camera, up and down [rad]."""
 
-DIRECTION = np.array([0.66, -0.62, 0.43]) / np.linalg.norm([0.66, -0.62, 0.43])
+AZIMUTH, ELEVATION = -50.0, 30.0
+"""Of the camera, from what is seen [degrees]."""
+
+DIRECTION = np.array(
+    [
+        np.cos(np.radians(ELEVATION)) * np.cos(np.radians(AZIMUTH)),
+        np.cos(np.radians(ELEVATION)) * np.sin(np.radians(AZIMUTH)),
+        np.sin(np.radians(ELEVATION)),
+    ]
+)
 """From what is seen to the camera."""
 
 RIGHT = np.cross([0.0, 0.0, 1.0], DIRECTION) / np.linalg.norm(DIRECTION[:2])
@@ -66,9 +76,12 @@ class Frame:
         return np.asarray(self.centre + DIRECTION * MARGIN * distance)
 
     @property
-    def cell(self) -> float:
-        """Edge of the squares of the ground: a power of ten [m]."""
-        return float(10.0 ** np.floor(np.log10(self.radius / 2)))
+    def aim(self) -> Aim:
+        """How a page is to show it."""
+        x, y, z = self.centre.tolist()
+        distance = float(np.linalg.norm(self.camera - self.centre))
+        floor = self.floor - 0.004 * self.radius
+        return Aim((x, y, z), distance * float(np.sin(FIELD / 2)), AZIMUTH, ELEVATION, floor)
 
 
 def frame(picture: Picture, nodes: FloatArray | None, depth: float) -> Frame:

@@ -1,18 +1,16 @@
 """The toy on the robot: the maze, which rides on the effector, and the ball."""
 
 import numpy as np
-import viser
 
 from tripod_view.body import Surface
+from tripod_view.drawing import Drawing, Node, Rgb
 from tripod_view.picture import MazePicture
-from tripod_view.place import place, send_pose
+from tripod_view.player.shapes import ball, disc
 from tripod_view.pose import Pose
 
-Rgb = tuple[int, int, int]
-
 MAZE: Rgb = (196, 160, 116)
-BALL: Rgb = (205, 45, 45)
-BELT: Rgb = (250, 240, 225)
+BALL: tuple[Rgb, Rgb] = ((205, 45, 45), (250, 240, 225))
+"""Of the two halves, by which one sees it roll."""
 HOLE: Rgb = (30, 30, 36)
 GOAL: Rgb = (30, 160, 70)
 START: Rgb = (60, 120, 210)
@@ -25,13 +23,13 @@ COVER = 1.004
 class Game:
     """Draws what it is told, from the thread of ROS only; without maze and ball it draws nothing."""
 
-    def __init__(self, api: viser.SceneApi, effector: str) -> None:
-        """`effector`: name of the frame to which the maze is fastened."""
-        self._api, self._maze_name, self._marks_name = api, f"{effector}/maze", f"{effector}/marks"
-        self._marks: list[viser.SceneNodeHandle] = []
-        self._maze: viser.MeshHandle | None = None
+    def __init__(self, drawing: Drawing, effector: str) -> None:
+        """`effector`: path of the node to which the maze is fastened."""
+        self._drawing, self._maze_path, self._marks_path = drawing, f"{effector}/maze", f"{effector}/marks"
+        self._marks: Node | None = None
+        self._maze: Node | None = None
         self._surface: Surface | None = None
-        self._ball: viser.FrameHandle | None = None
+        self._ball: Node | None = None
 
     def set_maze(self, maze: Surface | None) -> None:
         """Show another maze, given in the effector's frame; None takes it away."""
@@ -40,23 +38,7 @@ class Game:
             self._maze.remove()
             self._maze = None
         if maze is not None:
-            self._maze = self._api.add_mesh_simple(
-                self._maze_name,
-                maze.nodes.astype(np.float32),
-                maze.triangles,
-                color=MAZE,
-                flat_shading=True,
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-
-    def detach(self) -> None:
-        """Take off the effector what is fastened to it, before it is removed; `attach` brings the maze back."""
-        self.set_marks(None)
-        surface = self._surface
-        self.set_maze(None)
-        self._surface = surface
+            self._maze = self._drawing.mesh(self._maze_path, maze.nodes, maze.triangles, MAZE)
 
     def attach(self, marks: MazePicture | None) -> None:
         """Fasten the maze to a new effector, with its marks."""
@@ -65,45 +47,40 @@ class Game:
 
     def set_marks(self, maze: MazePicture | None) -> None:
         """Mark holes, goal and start of a maze; None takes the marks away."""
-        for mark in reversed(self._marks):
-            mark.remove()
-        self._marks = []
+        if self._marks is not None:
+            self._marks.remove()
+            self._marks = None
         if maze is None:
             return
+        self._marks = self._drawing.add(self._marks_path, "group", axes=0.0)
         discs = [(f"hole {i}", *hole, HOLE, "") for i, hole in enumerate(maze.holes.tolist())]
         radius = maze.goal[2] if maze.goal else 0.002
         if maze.goal:
             discs.append(("goal", *maze.goal, GOAL, "goal"))
         discs.append(("start", *maze.start, 0.6 * radius, START, ""))
         for name, x, y, size, colour, label in discs:
-            place = (x, y, maze.height + 0.0002)
-            path = f"{self._marks_name}/{name.replace(' ', '_')}"
-            self._marks.append(
-                self._api.add_cylinder(
-                    path, size, 0.0003, colour, position=place, cast_shadow=False, receive_shadow=False
-                )
-            )
+            path = f"{self._marks_path}/{name.replace(' ', '_')}"
+            self._drawing.mesh(path, *disc(size, 0.0003), colour, _at(x, y, maze.height + 0.0002))
             if label:
-                self._marks.append(
-                    self._api.add_label(f"{path}/label", label, position=(0, 0, 0.006), font_screen_scale=0.8)
-                )
+                self._drawing.add(f"{path}/label", "label", _at(0, 0, 0.006), text=label)
 
     def set_ball(self, radius: float | None) -> None:
-        """Show a ball of `radius` [m] from its next pose on, with a belt that shows it roll; None takes it away."""
+        """Show a ball of `radius` [m] from its next pose on; None takes it away."""
         if self._ball is not None:
             self._ball.remove()
             self._ball = None
         if radius is not None:
-            self._ball = self._api.add_frame("/ball", show_axes=False, visible=False)
-            send_pose(self._ball)
-            covers = COVER * radius
-            self._api.add_icosphere("/ball/sphere", covers, BALL, cast_shadow=False, receive_shadow=False)
-            self._api.add_cylinder(
-                "/ball/belt", 1.005 * covers, 0.2 * radius, BELT, cast_shadow=False, receive_shadow=False
-            )
+            self._ball = self._drawing.add("/ball", "group", axes=0.0)
+            self._ball.visible = False
+            for i, (shape, colour) in enumerate(zip(ball(COVER * radius), BALL, strict=True)):
+                self._drawing.mesh(f"/ball/{i}", *shape, colour, through=True)
 
     def place_ball(self, pose: Pose) -> None:
         """Put the ball at `pose`."""
         if self._ball is not None:
-            place(self._ball, pose)
+            self._ball.place(pose)
             self._ball.visible = True
+
+
+def _at(x: float, y: float, z: float) -> Pose:
+    return Pose(np.array([x, y, z], dtype=float), np.array([0.0, 0.0, 0.0, 1.0]))

@@ -18,11 +18,14 @@ OWN_HOST: Final = re.compile(r"(127\.0\.0\.1|localhost)(:\d{1,5})?")
 """Names that the page has, at any port: a tunnel to it may begin at another."""
 
 POLICY: Final = (
-    "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
+    "default-src 'self' data: blob:; script-src 'self'; "
     "style-src 'self' 'unsafe-inline'; connect-src 'self' data: blob: ws://127.0.0.1:* ws://localhost:*; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'; object-src 'none'"
 )
 """What a browser lets the page load, and connect to: nothing of other machines."""
+
+FILM_POLICY: Final = POLICY.replace("script-src 'self'", "script-src 'unsafe-inline'")
+"""Of the page of a film, which has its scripts in itself."""
 
 HEADERS: Final = {
     "Content-Security-Policy": POLICY,

@@ -1,9 +1,9 @@
 """The page as a ROS node: topics in, scene and panel out; what people do on the page in, topics out.
 
-Threads. Everything in this file runs on the executor's thread. viser serves the page on a thread of its own;
-there, the channel of the panel and the callbacks of the handle only put an event into the `Inbox`, which wakes the
-executor by a guard condition. The executor's thread alone touches `Control`, `TargetHandle` and `Display`,
-and it alone changes scene and panel (viser and the channel queue such changes under their own locks).
+Threads. Everything in this file runs on the executor's thread. The server of the page has a thread of its own;
+there, the channels of the panel and of the scene only put an event into the `Inbox`, which wakes the executor by a
+guard condition. The executor's thread alone touches `Control`, `TargetHandle` and `Display`, and it alone changes scene
+and panel; the server reads `Drawing` and `Channel` under their locks.
 
 While no browser is connected nothing is drawn, the timers rest, and the fast topics are not subscribed. What comes from
 the graph wakes nobody: it is taken when a picture is drawn.
@@ -48,6 +48,7 @@ from tripod_view.body import BodyError
 from tripod_view.channel import Channel
 from tripod_view.control import PERIOD, STALE, Control
 from tripod_view.display import Display
+from tripod_view.drawing import Drawing
 from tripod_view.events import Button, Event, Inbox
 from tripod_view.json_text import JsonError, table_of
 from tripod_view.messages import (
@@ -68,6 +69,7 @@ from tripod_view.rejects import Rejects
 from tripod_view.scene import Scene
 from tripod_view.server import HOST, PageServer
 from tripod_view.settings import PARAMETERS, checked_settings
+from tripod_view.stream import Stream
 from tripod_view.target import TargetError
 
 SOONEST = 0.015
@@ -97,7 +99,6 @@ class ViewNode(Node):
         self._patient = Patient()
         self._sim_joints_at = float("-inf")
         self._target_asked = False
-        self._lines = True
         self._commanded_at = float("-inf")
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
 
@@ -115,12 +116,12 @@ class ViewNode(Node):
             Button.RECORD: self.create_client(Trigger, names.RECORD_START),
             Button.STOP_RECORDING: self.create_client(Trigger, names.RECORD_STOP),
         }
-        channel = Channel(self._inbox)
-        self._server, self._url = open_page(self, settings.port, channel)
-        scene = Scene(self._server, self._inbox, settings.geometry, (self._target.low, self._target.high))
-        self._display = Display(self._server, scene, Panel(channel))
+        drawing, channel = Drawing(), Channel(self._inbox)
+        self._stream = Stream(drawing, self._inbox)
+        self._server, self._url = open_page(self, settings.port, channel, self._stream)
+        scene = Scene(drawing, settings.geometry, (self._target.low, self._target.high))
+        self._display = Display(drawing, scene, Panel(channel))
         self._display.show_range(settings.limits)
-        self._watch_hands()
         self._subscribe()
         self._diagnostics = Diagnostics(self, self._report)
         self._ready = self.create_timer(0.0, self._on_ready, clock=steady)
@@ -148,16 +149,6 @@ class ViewNode(Node):
         finally:
             self._server.close()
             self.destroy_node()
-
-    def _watch_hands(self) -> None:
-        async def on_connect(client: Any) -> None:  # async: on the server's thread, in order
-            self._inbox.put(events.Watching(client.client_id))
-
-        async def on_disconnect(client: Any) -> None:
-            self._inbox.put(events.Dropped(client.client_id))
-
-        self._server.on_client_connect(on_connect)
-        self._server.on_client_disconnect(on_disconnect)
 
     def _subscribe(self) -> None:
         show = self._display
@@ -379,12 +370,10 @@ class ViewNode(Node):
             case events.Grabbed(client):
                 self._target.grab(client)
                 self._display.touch_target()
-            case events.Dragged(client, position, wxyz):
-                self._on_drag(client, position, wxyz)
+            case events.Dragged(client, position, quaternion):
+                self._on_drag(client, position, quaternion)
             case events.Dropped(client):
                 self._on_drop(client)
-            case events.Watching(client):
-                self._display.aim(client)
             case events.Joined(client):
                 self._browsers.add(client)
                 self._on_somebody()
@@ -409,11 +398,6 @@ class ViewNode(Node):
                 self._go("park pose", self._control.limits.park)
             case Button.FETCH_TARGET:
                 self._fetch_target()
-            case Button.FIT:
-                self._display.fit()
-            case Button.MESH_LINES:
-                self._lines = not self._lines
-                self._display.show_lines(self._lines)
             case Button.RECORD | Button.STOP_RECORDING:
                 self._ask_recorder(button)
 
@@ -448,9 +432,9 @@ class ViewNode(Node):
 
         client.call_async(Trigger.Request()).add_done_callback(answered)
 
-    def _on_drag(self, client: int, position: Any, wxyz: Any) -> None:
+    def _on_drag(self, client: int, position: Any, quaternion: Any) -> None:
         try:
-            self._target.drag(client, position, wxyz)
+            self._target.drag(client, position, quaternion)
             self._target_asked = True
         except TargetError as error:
             self._refuse("page", error)
@@ -523,6 +507,7 @@ class ViewNode(Node):
         self._display.recorder.there = self._recorders[Button.RECORD].service_is_ready()
         skipped = self._display.body.skipped
         self._display.draw(self._control, self._target, self._rejects, len(self._browsers))
+        self._stream.flush()
         if self._display.body.skipped > skipped:
             text = f"{names.BODY_STATE}: {self._display.body.reason}"
             self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -543,13 +528,13 @@ class ViewNode(Node):
         return Level.WARN if body.skipped or rejects.total or lost else Level.OK, f"page {self._url}", values
 
 
-def open_page(node: Node, port: int, channel: Channel) -> tuple[PageServer, str]:
+def open_page(node: Node, port: int, channel: Channel, stream: Stream) -> tuple[PageServer, str]:
     """Return the server of the page, and the URL without the token, which is in what is printed alone.
 
     Others may read the log and the topics. Raises OSError.
     """
-    server = PageServer(port, channel)
-    taken = server.get_port()
+    server = PageServer(port, channel, stream)
+    taken = server.port
     if port not in (0, taken):
         text = f"port {port} is in use: the page is on port {taken}"
         print(text, flush=True)

@@ -1,17 +1,15 @@
 """The 3-D part of the page, drawn from what the scene has. Metres, z up."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-import viser
 
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
-from tripod_view.events import Inbox
-from tripod_view.frame import FIELD, Frame, frame, gone, staying, union, widened
+from tripod_view.drawing import Drawing
+from tripod_view.frame import frame, gone, staying, union, widened
 from tripod_view.game import Game
 from tripod_view.handle import Handle
 from tripod_view.picture import Picture
@@ -33,28 +31,19 @@ class Scene:
         lost: How many bodies are so far from the others that they are left out of sight.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        inbox: Inbox,
-        geometry: ArmGeometry,
-        box: tuple[FloatArray, FloatArray],
-    ) -> None:
+    def __init__(self, drawing: Drawing, geometry: ArmGeometry, box: tuple[FloatArray, FloatArray]) -> None:
         """`geometry`: of the robot while no simulator has told its own; `box`: corners for the target [m]."""
-        self._server, self._api, self._default = server, server.scene, geometry
-        self._look()
-        self._ground: list[viser.SceneNodeHandle] = []
-        self._bodies = Bodies(self._api)
+        self._drawing, self._default = drawing, geometry
+        self._bodies = Bodies(drawing)
         self.picture = UNKNOWN
         self._surface: Surface | None = None
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
         self._first = np.zeros((2, 3))
         self.lost = 0
-        self._aimed: dict[int, FloatArray] = {}
-        self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
-        self._own_box, self._handle = box, Handle(self._api, inbox, box)
-        self.game = Game(self._api, "/effector")
+        self._robot, self._robot_heard = Robot(drawing, geometry, ()), 0
+        self._own_box, self._handle = box, Handle(drawing, box)
+        self.game = Game(drawing, "/effector")
         self.fit()
 
     @property
@@ -91,7 +80,7 @@ class Scene:
             return False
         self._robot_heard = servos
         self._robot.remove()
-        self._robot = Robot(self._api, self._default, stands(servos, self._default))
+        self._robot = Robot(self._drawing, self._default, stands(servos, self._default))
         return True
 
     def set_picture(self, picture: Picture) -> None:
@@ -99,13 +88,12 @@ class Scene:
         same, self.picture = picture.key == self.picture.key, picture
         if same:
             return
-        self.game.detach()
         self._robot.remove()
         geometry = self._default
         if picture.effector:
             geometry = replace(geometry, effector_radius=picture.effector)
         self._robot = Robot(
-            self._api, geometry, picture.servos.arms if picture.servos else (), disc=picture.disc
+            self._drawing, geometry, picture.servos.arms if picture.servos else (), has_disc=picture.disc
         )
         self.game.attach(picture.maze)
         self._bodies.set_still(picture)
@@ -137,10 +125,6 @@ class Scene:
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
 
-    def show_lines(self, visible: bool) -> None:
-        """Show or hide the edges of the mesh."""
-        self._bodies.show_lines(visible)
-
     def set_slack(self, names: frozenset[str]) -> None:
         """Show which cables are slack, by their names."""
         self._bodies.set_slack(names)
@@ -163,94 +147,25 @@ class Scene:
         self._handle.let_turn(turns)
 
     def fit(self) -> None:
-        """Show all there is: the camera of every browser, and the ground under it."""
+        """Aim the camera of every browser at all there is."""
         nodes = self._nodes if self._nodes is not None else self._surface.nodes if self._surface else None
         self._span = None if nodes is None or not len(nodes) else self._box(nodes)
-        self._see()
-        for client in self._server.get_clients():
-            self.aim(client)
+        self._aim(fit=True)
 
     def _box(self, positions: FloatArray) -> FloatArray:
         """Return the box about the bodies that are to be seen [m], shape (2, 3); see `staying`."""
         boxes = self._bodies.boxes(positions)
         seen = staying(self._first, boxes)
-        self.lost = int((~seen).sum())
+        if (lost := int((~seen).sum())) or self.lost:
+            self._bodies.set_seen(seen.tolist())
+        self.lost = lost
         return union(boxes[seen])
 
     def _widen(self, box: FloatArray) -> None:
         """Show what moves wherever it has been, or where it is, in browsers whose camera nobody has moved."""
-        box = box if self._span is None else widened(self._span, box)
-        self._span, near = box, 0.1 * self._seen.radius
-        unmoved = [
-            client
-            for client, handle in self._server.get_clients().items()
-            if np.linalg.norm(handle.camera.position - self._aimed.get(client, np.inf)) < near
-        ]
-        self._see()
-        for client in unmoved:
-            self.aim(client)
+        self._span = box if self._span is None else widened(self._span, box)
+        self._aim(fit=False)
 
-    def _see(self) -> None:
-        seen = frame(self.picture, self._span, self._default.axis_depth)
-        camera = self._server.initial_camera
-        camera.position, camera.look_at = tuple(seen.camera), tuple(seen.centre)
-        camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius
-        self._seen = seen
-        self._draw_ground(seen)
-
-    def aim(self, client: int) -> None:
-        """Show all there is in one browser: one that is just opening does not heed a camera set meanwhile."""
-        if (handle := self._server.get_clients().get(client)) is None:
-            return
-        camera, seen = handle.camera, self._seen
-        self._aimed[client] = seen.camera
-        with handle.atomic():
-            camera.position, camera.look_at = seen.camera, seen.centre
-            camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius
-
-    def _look(self) -> None:
-        camera = self._server.initial_camera
-        camera.up, camera.fov = (0.0, 0.0, 1.0), FIELD
-        self._api.configure_environment_map(None)
-        self._api.configure_default_lights(False)
-        self._api.add_light_hemisphere(
-            "/lights/sky", sky_color=(255, 255, 255), ground_color=(170, 165, 160), intensity=1.6
-        )
-        self._api.add_light_directional("/lights/key", intensity=1.7, position=(0.6, -0.3, 1.0))
-        self._api.add_light_directional("/lights/fill", intensity=0.5, position=(-0.6, 0.7, 0.3))
-
-    def _draw_ground(self, seen: Frame) -> None:
-        for handle in reversed(self._ground):  # what hangs on another before that
-            handle.remove()
-        cell, size = seen.cell, 4.0 * seen.radius
-        x, y, _ = seen.centre
-        floor = seen.floor - 0.004 * seen.radius
-        size = 2 * cell * np.ceil(size / (2 * cell))
-        self._ground = [
-            self._api.add_grid(
-                "/ground", size, size, cell_size=cell, section_size=5 * cell, cell_color=(222, 226, 230),
-                section_color=(173, 181, 189), position=(x, y, floor), shadow_opacity=0.0,
-            ),
-            *self._axes(np.array([x, y, floor]) + seen.radius * np.array([-0.1, -0.75, 0.0]), 0.16 * seen.radius, cell),
-        ]  # fmt: skip
-
-    def _axes(self, origin: FloatArray, length: float, cell: float) -> Iterable[viser.SceneNodeHandle]:
-        yield self._api.add_frame(
-            "/world",
-            axes_length=length,
-            axes_radius=0.03 * length,
-            origin_radius=0.05 * length,
-            position=origin,
-        )
-        for k, name in enumerate("xyz"):
-            tip = np.zeros(3)
-            tip[k] = 1.1 * length
-            yield self._api.add_label(f"/world/{name}", name, position=tip, font_screen_scale=0.8)
-        text = f"one square of the floor: {squares(cell)}"
-        place = np.array([0.0, -1.2 * length, 0.0])
-        yield self._api.add_label("/world/scale", text, position=place, font_screen_scale=0.8)
-
-
-def squares(cell: float) -> str:
-    """Return the edge of a square of the ground for people; `cell` in m."""
-    return f"{cell:g} m" if cell >= 1 else f"{100 * cell:g} cm" if cell >= 0.1 else f"{1e3 * cell:g} mm"
+    def _aim(self, *, fit: bool) -> None:
+        self._seen = frame(self.picture, self._span, self._default.axis_depth)
+        self._drawing.aim(self._seen.aim, fit=fit)

@@ -1,24 +1,23 @@
-"""The web server of the page: this machine only, no public tunnel, nobody without its token, a known port."""
+"""The web server of the page: this machine only, nobody without its token, a known port."""
 
-import contextlib
-import functools
+import asyncio
 import gzip
-import io
 import logging
 import socket
-from collections.abc import Awaitable, Callable
+import threading
 from http import HTTPStatus
-from typing import Any, Final
+from typing import Final
 
-import viser
-import websockets.asyncio.server as websocket_server
-from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from tripod_view.channel import PATH, Channel
+from tripod_view import channel as panel_channel
+from tripod_view import stream as scene_stream
+from tripod_view.channel import Channel
 from tripod_view.gate import HEADERS, Gate, RefusedError
 from tripod_view.pages import File, page_files
+from tripod_view.stream import Stream
 
 HOST: Final = "127.0.0.1"
 
@@ -35,76 +34,82 @@ CLOSE_TIMEOUT: Final = 0.5
 """How long a browser that keeps its connection open can delay the end of the server [s]."""
 
 
-class PageServer(viser.ViserServer):
-    """A viser server behind a `Gate`, that cannot be published and prints nothing.
+class PageServer:
+    """Serves the files of the page and its two websockets behind a `Gate`, in a thread of its own."""
 
-    Any client of viser may ask the server to open a public tunnel; here that request does nothing.
-    """
-
-    def __init__(self, port: int, channel: Channel) -> None:
+    def __init__(self, port: int, channel: Channel, stream: Stream) -> None:
         """Listen on loopback at `port` or the next free one; 0: at any. Raises OSError if there is none.
 
-        `channel` serves what is beside the 3-D scene.
+        `stream` serves the 3-D scene, `channel` what is beside it.
         """
-        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # no tracebacks about bad requests
-        self._gate = Gate()
-        start = functools.partial(_serve, websocket_server.serve, self._gate, channel)
-        with _replaced(websocket_server, "serve", start), contextlib.redirect_stdout(io.StringIO()):
-            super().__init__(host=HOST, port=free_port(port), label="Tripod", verbose=False)
+        log = logging.getLogger("tripod_view.websockets")
+        log.setLevel(logging.CRITICAL)  # no tracebacks about bad requests
+        self._gate, self._channel, self._stream = Gate(), channel, stream
+        self._files = page_files(self._gate.token)
+        line = listening(port)
+        self._port = int(line.getsockname()[1])
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="page", daemon=True)
+        self._thread.start()
+        self._server = asyncio.run_coroutine_threadsafe(self._open(line, log), self._loop).result()
+
+    @property
+    def port(self) -> int:
+        """The port on which it listens."""
+        return self._port
 
     @property
     def url(self) -> str:
         """The address of the page, with its token: whoever has it may command the robot."""
-        return f"http://{HOST}:{self.get_port()}/{self._gate.token}"
-
-    def request_share_url(self, verbose: bool = True) -> None:
-        """Do nothing: the page is never published."""
+        return f"http://{HOST}:{self._port}/{self._gate.token}"
 
     def close(self) -> None:
         """Stop serving; browsers show that the connection is lost."""
-        with contextlib.redirect_stdout(io.StringIO()):
-            self.stop()
+        if self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._shut(), self._loop).result()
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join()
+            self._loop.close()
 
+    async def _open(self, line: socket.socket, log: logging.Logger) -> Server:
+        return await serve(
+            self._handle,
+            sock=line,
+            logger=log,
+            process_request=self._request,
+            process_response=self._response,
+            ping_interval=PING,
+            ping_timeout=PONG,
+            close_timeout=CLOSE_TIMEOUT,
+            compression=None,  # this machine: the processor is the narrow place
+        )
 
-def _serve(
-    serve: Callable[..., Any],
-    gate: Gate,
-    channel: Channel,
-    handler: Callable[[ServerConnection], Awaitable[None]],
-    *arguments: Any,
-    process_request: Callable[[ServerConnection, Request], Response | None],
-    **options: Any,
-) -> Any:
-    """Call `serve` of the websockets library as viser does, with `gate` before its websocket and our page."""
-    files = page_files(gate.token)
+    async def _shut(self) -> None:
+        self._server.close()
+        await self._server.wait_closed()
 
-    def request(connection: ServerConnection, request: Request) -> Response | None:
+    async def _handle(self, connection: ServerConnection) -> None:
+        path = connection.request.path if connection.request else ""
+        await (self._channel if path == panel_channel.PATH else self._stream).serve(connection)
+
+    def _request(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return the answer to a request, None to let a websocket open."""
         try:
-            request.path = gate.pass_on(
+            request.path = self._gate.pass_on(
                 request.path, request.headers.get_all("Host"), request.headers.get_all("Origin")
             )
         except RefusedError as error:
             return connection.respond(HTTPStatus.FORBIDDEN, f"{error}\n")
-        if request.headers.get("Upgrade") != "websocket" and (file := files.get(request.path)):
+        if request.headers.get("Upgrade", "").lower() == "websocket":
+            if request.path in (panel_channel.PATH, scene_stream.PATH):
+                return None
+        elif file := self._files.get(request.path):
             return _answer(request, file)
-        return process_request(connection, request)
+        return connection.respond(HTTPStatus.NOT_FOUND, "there is only one page here\n")
 
-    async def handle(connection: ServerConnection) -> None:
-        path = connection.request.path if connection.request else ""
-        await (channel.serve(connection) if path == PATH else handler(connection))
-
-    def response(connection: ServerConnection, request: Request, response: Response) -> None:
+    def _response(self, connection: ServerConnection, request: Request, response: Response) -> None:
         for name, value in HEADERS.items():
             response.headers[name] = value
-
-    options |= {
-        "ping_interval": PING,
-        "ping_timeout": PONG,
-        "close_timeout": CLOSE_TIMEOUT,
-        "process_request": request,
-        "process_response": response,
-    }
-    return serve(handle, *arguments, **options)
 
 
 def _answer(request: Request, file: File) -> Response:
@@ -116,37 +121,20 @@ def _answer(request: Request, file: File) -> Response:
     return Response(HTTPStatus.OK, "OK", headers, body)
 
 
-def free_port(port: int) -> int:
-    """Return the first port from `port` upward on which one can listen, 0 for 0.
-
-    viser would look by itself, without saying so, and without end where none can be had. Raises OSError.
-    """
-    if port == 0:
-        return 0
+def listening(port: int) -> socket.socket:
+    """Return a socket that listens at the first free port from `port` upward, at any for 0. Raises OSError."""
     error: OSError | None = None
-    for candidate in range(port, min(port + ATTEMPTS, 65536)):
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(
-                socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-            )  # as the server does: not blocked by TIME_WAIT
-            try:
-                probe.bind((HOST, candidate))
-                probe.listen(1)
-            except OSError as e:
-                error = error or e
-            else:
-                return candidate
+    for candidate in range(port, min(port + ATTEMPTS, 65536)) if port else (0,):
+        line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # not blocked by TIME_WAIT
+        try:
+            line.bind((HOST, candidate))
+            line.listen()
+        except OSError as e:
+            line.close()
+            error = error or e
+        else:
+            return line
     raise OSError(
         f"no port from {port} to {candidate} can be opened: {error}; choose another with --set port=N"
     )
-
-
-@contextlib.contextmanager
-def _replaced(module: Any, name: str, value: Any) -> Any:
-    """Replace an attribute of a module for a while: viser does not pass these settings on."""
-    original = getattr(module, name)
-    setattr(module, name, value)
-    try:
-        yield
-    finally:
-        setattr(module, name, original)

@@ -74,19 +74,20 @@ class TargetHandle:
         self._draggers.add(client)
 
     def drag(
-        self, client: int, values: Sequence[float] | FloatArray, wxyz: Sequence[float] | FloatArray
+        self, client: int, values: Sequence[float] | FloatArray, quaternion: Sequence[float] | FloatArray
     ) -> Pose:
-        """Return the target asked for by dragging to `values` [m], within the box, and turning by `wxyz`.
+        """Return the target asked for by dragging to `values` [m], within the box, and turning it to `quaternion`
+        (x, y, z, w).
 
         Raises TargetError.
         """
         point = np.clip(checked_point(values, "dragged target"), self.low, self.high)
         try:
-            w, x, y, z = (float(v) for v in wxyz)
+            x, y, z, w = (float(v) for v in quaternion)
             pose = Pose.of(point, (x, y, z, w))
         except (PoseError, TypeError, ValueError):
             raise TargetError(
-                f"dragged target is turned by {wxyz!r:.80}; four numbers that are not 0"
+                f"dragged target is turned by {quaternion!r:.80}; four numbers that are not 0"
             ) from None
         self._draggers.add(client)
         self.set = True

@@ -108,10 +108,10 @@ def test_messages() -> None:
 
 def test_packages() -> None:
     assert doctor.check_packages("packages", doctor.SIMULATOR).verdict is Verdict.OK
-    there = lambda name: None if name in ("mcap", "viser") else name  # noqa: E731
+    there = lambda name: None if name in ("mcap", "websockets") else name  # noqa: E731
     check = doctor.check_packages("packages of nodes", doctor.NODES, there)
     assert (check.name, check.verdict) == ("packages of nodes", Verdict.FAIL)
-    assert_names(check.found, "mcap", "viser")
+    assert_names(check.found, "mcap", "websockets")
     assert_names(check.advice, "make setup")
 
 

@@ -1,4 +1,4 @@
-"""A browser without a screen: speaks viser's protocol and that of the panel, and so may send what no page would."""
+"""A browser without a screen: speaks the protocols of scene and panel, and so may send what no page would."""
 
 import contextlib
 import json
@@ -8,9 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
-import viser
-import zstandard
+import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -18,28 +16,30 @@ DEADLINE = 60.0  # [s], for a loaded machine
 
 
 class FakeBrowser:
-    """Keeps every message of viser, and the values that the panel shows."""
+    """Keeps every message of the scene, the nodes as they are now, and the values that the panel shows."""
 
-    def __init__(self, url: str, *, origin: str | None = None, host: str = "") -> None:
-        """Open the page at `url`; `origin`, and `host` by which it is called: none, and that of the URL, by default."""
-        protocol: Any = f"viser-v{viser.__version__}"
+    def __init__(self, url: str, *, origin: str | None = None, host: str = "", takes: bool = True) -> None:
+        """Open the page at `url`; `origin`, and `host` by which it is called: none, and that of the URL, by default.
+
+        `takes`: whether it confirms pictures.
+        """
         _, _, own, path = url.split("/", 3)
         self._changed = threading.Condition()
+        self.takes = takes
         self.messages: list[dict[str, Any]] = []
+        self.nodes: dict[int, dict[str, Any]] = {}
         self.values: dict[str, Any] = {}
-        self._socket, self._panel = (
+        self._scene, self._panel = (
             connect(
-                f"ws://{host or own}/{end}",
+                f"ws://{host or own}/{path}/page/{end}",
                 sock=socket.create_connection((own.split(":")[0], int(own.split(":")[1]))),
                 origin=origin,
-                subprotocols=protocols,
                 max_size=None,
             )
-            for end, protocols in ((path, [protocol]), (f"{path}/page/channel", None))
+            for end in ("scene", "channel")
         )
         threading.Thread(target=self._receive, daemon=True).start()
         threading.Thread(target=self._receive_values, daemon=True).start()
-        self.look_from(0.2, -0.2, 0.2)
 
     def __enter__(self) -> "FakeBrowser":
         return self
@@ -48,31 +48,17 @@ class FakeBrowser:
         self.close()
 
     def close(self) -> None:
-        self._socket.close()
+        self._scene.close()
         self._panel.close()
 
     def freeze(self) -> None:
         """Take in nothing more and answer nothing, as a machine that lost its network."""
-        for line in (self._socket, self._panel):
+        for line in (self._scene, self._panel):
             line.protocol.receive_data = lambda data: None
 
-    def send(self, kind: str, **fields: object) -> None:
-        self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
-
-    def look_from(self, x: float, y: float, z: float) -> None:
-        """Move the camera to a place [m]."""
-        self.send(
-            "ViewerCameraMessage",
-            wxyz=(1, 0, 0, 0),
-            position=(x, y, z),
-            fov=0.7,
-            near=0.01,
-            far=10.0,
-            image_height=600,
-            image_width=800,
-            look_at=(0, 0, 0),
-            up_direction=(0, 0, 1),
-        )
+    def send(self, **event: object) -> None:
+        """Send an event of the scene."""
+        self._scene.send(json.dumps(event))
 
     def tell(self, **event: object) -> None:
         """Send an event of the panel."""
@@ -100,23 +86,29 @@ class FakeBrowser:
             return self.values.get(name)
 
     def grab(self) -> None:
-        self.send("TransformControlsDragStartMessage", name="/target_handle", owner="")
+        self.send(grab=True)
 
-    def drag(self, x: object, y: object, z: object, wxyz: tuple[float, ...] = (1, 0, 0, 0)) -> None:
-        self.send(
-            "TransformControlsUpdateMessage",
-            name="/target_handle",
-            wxyz=wxyz,
-            position=(x, y, z),
-            owner="",
-        )
+    def drag(self, x: object, y: object, z: object, turn: tuple[float, ...] = (0, 0, 0, 1)) -> None:
+        self.send(drag=(x, y, z), turn=turn)
 
     def drop(self) -> None:
-        self.send("TransformControlsDragEndMessage", name="/target_handle", owner="")
+        self.send(drop=True)
 
-    def of_kind(self, kind: str) -> list[dict[str, Any]]:
+    def changes(self, path: str, name: str = "kind") -> list[Any]:
+        """Return the values that a property of what is at `path` has had; `kind`: one for each time it was added."""
         with self._changed:
-            return [m for m in self.messages if m["type"] == kind]
+            nodes = [node for message in self.messages for node in message.get("nodes", ())]
+        return [node[name] for node in nodes if node["path"] == path and name in node["changed"]]
+
+    def node(self, path: str) -> dict[str, Any] | None:
+        """Return the properties of what is at `path` now."""
+        with self._changed:
+            return next((dict(node) for node in self.nodes.values() if node["path"] == path), None)
+
+    def cameras(self, *, fit: bool) -> list[dict[str, Any]]:
+        """Return how the camera was aimed: in any case, or where nobody has moved it."""
+        with self._changed:
+            return [m["camera"] for m in self.messages if "camera" in m and m["camera"]["fit"] == fit]
 
     def text(self) -> str:
         """Return all that the panel shows now."""
@@ -132,13 +124,12 @@ class FakeBrowser:
 
     def pictures(self) -> int:
         """Return how often the vertices of the body were sent."""
-        updates = self.of_kind("SceneNodeUpdateMessage")
-        return sum(m["name"] == "/bodies/0" and "vertices" in m["updates"] for m in updates)
+        return len(self.changes("/bodies/0", "vertices"))
 
-    def position(self, name: str) -> list[float] | None:
-        """Return where the page put a thing last [m]."""
-        known = [m["position"] for m in self.of_kind("SetPositionMessage") if m["name"] == name]
-        return list(known[-1]) if known else None
+    def position(self, path: str) -> list[float] | None:
+        """Return where a thing is [m]."""
+        found = self.node(path)
+        return list(found["pose"][:3]) if found else None
 
     def wait(self, what: Callable[[], object]) -> Any:
         """Return `what()` as soon as it is true after a message, or fail after DEADLINE."""
@@ -157,12 +148,26 @@ class FakeBrowser:
                     self._changed.notify_all()
 
     def _receive(self) -> None:
-        decompressor = zstandard.ZstdDecompressor()
         with contextlib.suppress(ConnectionClosed):
-            for raw in self._socket:
+            for raw in self._scene:
                 assert isinstance(raw, bytes)
-                size = int.from_bytes(raw[8:16], "little")
-                window = msgspec.msgpack.decode(decompressor.decompress(raw[16 : 16 + size]))
                 with self._changed:
-                    self.messages.extend(window["messages"])
+                    self._take(raw)
                     self._changed.notify_all()
+                if self.takes:
+                    self.send(took=True)
+
+    def _take(self, raw: bytes) -> None:
+        first = 4 + int.from_bytes(raw[:4], "little")
+        message = json.loads(raw[4:first])
+        if "alive" in message:
+            self.nodes = {number: self.nodes[number] for number in message["alive"] if number in self.nodes}
+        for i, entry in enumerate(message.get("nodes", ())):
+            for name, kind in (("vertices", "<f4"), ("triangles", "<u4")):
+                if name in entry:
+                    at, count = entry[name]
+                    entry[name] = np.frombuffer(raw, kind, count, first + at).reshape(-1, 3)
+            known = self.nodes.setdefault(entry["number"], {})
+            known |= entry
+            message["nodes"][i] = {**known, "changed": set(entry)}
+        self.messages.append(message)

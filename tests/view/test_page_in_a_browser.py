@@ -13,10 +13,10 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
-pytest.importorskip("viser")
 pytest.importorskip("playwright")
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -154,7 +154,7 @@ class Opened:
                 document.querySelectorAll("#panel details").forEach((card) => (card.open = true));
                 const panel = document.querySelector("#panel");
                 return {
-                    stop: box("#stop"), root: box("#root"), start: box("#start"), panel: box("#panel"),
+                    stop: box("#stop"), root: box("#stage"), start: box("#start"), panel: box("#panel"),
                     title: document.title,
                     too_wide: panel.scrollWidth - panel.clientWidth,
                     begin: document.querySelector("#begin").textContent,
@@ -186,7 +186,7 @@ def test_every_control_of_every_scene_does_what_it_says(
     show(stage.sim, "tripod")
     with Opened(browser, stage, size) as opened:
         stage.wait(requests.get_publisher_count)
-        opened.wait("[...document.querySelectorAll('#root canvas')].some((c) => c.width > 50)")
+        opened.wait("document.querySelector('#picture').width > 50")
         for scene in scenes:
             shown = show(stage.sim, scene)
             asked.clear()
@@ -257,7 +257,7 @@ def assert_every_plot_is_drawn(opened: Opened, kind: str) -> None:
 def press_everything(opened: Opened, stage: Stage, shown: dict[str, Any], asked: list[str]) -> None:
     """Press what every scene has, and see it arrive."""
     drop = ["Drop the ball"] if shown["ball"] else []
-    opened.press("Reset", "Pause", "Step", *drop, "Fit view", "Mesh lines", "Mesh lines", "Replay")
+    opened.press("Reset", "Pause", "Step", *drop, "Fit", "Mesh", "Mesh", "Replay")
     opened.move("#replay input", -0.1)
     opened.wait("document.body.classList.contains('past')")
     opened.press("Now")
@@ -463,3 +463,128 @@ def test_a_page_that_lost_its_node_says_so_and_comes_back(stage: Stage, browser:
         opened.page.keyboard.press(" ")  # its channel is cut
         opened.wait("document.body.classList.contains('lost')")
         opened.wait("!document.body.classList.contains('lost')")
+
+
+def place(opened: Opened, label: str) -> list[float]:
+    """Return where a label is over the picture [px]."""
+    opened.wait(
+        f"[...document.querySelectorAll('#labels span')].some((e) => e.textContent === '{label}' && e.offsetParent)"
+    )
+    return opened.page.evaluate(
+        """(text) => {
+            const found = [...document.querySelectorAll("#labels span")].find((e) => e.textContent === text);
+            const box = found.getBoundingClientRect();
+            return [box.left, box.top];
+        }""",
+        label,
+    )
+
+
+def test_a_camera_that_somebody_moved_stays_where_bodies_leave_the_picture(
+    stage: Stage, browser: Any
+) -> None:
+    show(stage.sim, "tripod")
+    nodes, triangles = stage.sim.body
+    with Opened(browser, stage, "screen") as opened:
+        first = place(opened, "servo 0")
+        opened.press("Top")
+        stage.wait(lambda: place(opened, "servo 0") != first)
+        top, axis = place(opened, "servo 0"), place(opened, "x")
+        stage.sim.body = nodes - [0, 0, 0.4], triangles
+        stage.wait(lambda: place(opened, "x") != axis)  # the axes are laid anew
+        assert place(opened, "servo 0") == top
+        opened.press("Reset view")
+        stage.wait(lambda: place(opened, "servo 0") not in (first, top))
+        far = place(opened, "servo 0")
+        stage.sim.body = nodes - [0, 0, 0.8], triangles
+        stage.wait(lambda: place(opened, "servo 0") != far)  # followed again
+        show(stage.sim, "drape")  # the next scene has a camera of its own
+        opened.text("#panel h1", "drape")
+        assert opened.errors == []
+
+
+def test_the_target_is_dragged_by_its_handle(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    nodes, triangles = stage.sim.body
+    with Opened(browser, stage, "screen") as opened:
+        opened.press("Just watch")
+        resting = PoseStamped()
+        resting.header.frame_id, resting.header.stamp = names.WORLD, stage.sim.get_clock().now().to_msg()
+        stage.sim.target.publish(resting)  # it would ride on the effector
+        page, box = opened.page, stage_box(opened)
+        x, y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+
+        def tip() -> int | None:
+            """Return how far above the middle the tip of the handle is [px], once it rests."""
+            found = [
+                next((s for s in range(250, 40, -6) if is_handle(opened, x, y - s)), None) for _ in range(2)
+            ]
+            return found[0] if found[0] == found[1] else None
+
+        up = stage.wait(tip)
+        still = place(opened, "servo 0")
+        stage.sim.targets.clear()
+        page.mouse.move(x, y - up)
+        page.mouse.down()
+        page.mouse.move(x, y - up - 30, steps=5)
+        stage.wait(lambda: any(t.pose.position.z > 0.003 for t in stage.sim.targets))
+        page.mouse.up()
+        last = stage.sim.targets[-1].pose.position
+        assert (abs(last.x) < 1e-6, abs(last.y) < 1e-6) == (True, True)  # along its axis
+        assert place(opened, "servo 0") == still  # the camera was not turned, and is not taken for moved:
+        stage.sim.body = nodes - [0, 0, 0.4], triangles
+        stage.wait(lambda: place(opened, "servo 0") != still)
+        stage.sim.body = nodes, triangles
+        assert opened.errors == []
+
+
+def stage_box(opened: Opened) -> list[float]:
+    """Return left, top, right and bottom of the picture [px]."""
+    box = opened.page.locator("#stage").bounding_box()
+    return [box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]]
+
+
+def is_handle(opened: Opened, x: float, y: float) -> bool:
+    """Return whether the pointer over a place of the picture would take the handle."""
+    opened.page.mouse.move(x, y)
+    opened.page.wait_for_timeout(30)
+    return bool(opened.page.evaluate("document.querySelector('#picture').style.cursor === 'move'"))
+
+
+def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.002)
+    with Opened(browser, stage, "screen") as opened:
+        page = opened.page
+        opened.press("Just watch")
+        wide = stage_box(opened)[2]
+        page.keyboard.press("h")
+        opened.wait(f"document.querySelector('#stage').getBoundingClientRect().right > {wide} + 100")
+        assert not page.locator("#panel").is_visible()
+        assert page.locator("#stop").is_visible()
+        page.keyboard.press("h")
+        opened.wait("document.querySelector('#panel').checkVisibility()")
+        bar = page.locator("#split").bounding_box()
+        page.mouse.move(bar["x"] + 3, bar["y"] + 100)
+        page.mouse.down()
+        page.mouse.move(bar["x"] - 97, bar["y"] + 100, steps=3)
+        page.mouse.up()
+        assert abs(stage_box(opened)[2] - (wide - 100)) < 5
+        with page.expect_download() as download:
+            opened.press("Save picture")
+        assert download.value.suggested_filename == "maze.png"
+        page.keyboard.press("?")
+        opened.wait("document.querySelector('#sheet').open")
+        page.locator("#stop").click()  # works also now
+        stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
+        page.keyboard.press("?")
+        opened.wait("!document.querySelector('#sheet').open")
+        stage.wait(
+            lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or page.locator("#follow option").count() == 3
+        )
+        page.locator("#follow").select_option(label="follow ball")
+        before = place(opened, "servo 0")
+        stage.sim.publish_ball(0.03, -0.02, 0.03)
+        stage.wait(lambda: place(opened, "servo 0") != before)
+        assert opened.errors == []
+    stage.sim.publish_game(False)

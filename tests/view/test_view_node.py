@@ -11,7 +11,6 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
-pytest.importorskip("viser")
 
 import rclpy
 from geometry_msgs.msg import Point, PoseStamped
@@ -136,31 +135,25 @@ def test_it_draws_at_its_rate_and_only_while_somebody_looks(stage: Stage) -> Non
     with stage.browser() as browser:
         assert stage.watchers() == 1
         assert 30 / longest(browser.wait, browser.pictures, 30) < 33  # at most 30 Hz of the 60 that come
-        mesh = browser.of_kind("MeshMessage")
-        assert {m["name"] for m in mesh} == {"/bodies/0", "/lines/0"}
+        assert len(browser.changes("/bodies/0")) == 1
+        assert [node["path"] for node in browser.nodes.values() if node.get("deforms")] == ["/bodies/0"]
     stage.wait(lambda: stage.watchers() == 0)
     with stage.browser():
         pass
 
 
-def test_what_leaves_the_picture_is_followed_until_somebody_moves_the_camera(
+def test_what_leaves_the_picture_is_followed_where_nobody_has_moved_the_camera(
     stage: Stage, browser: FakeBrowser
 ) -> None:
-    def aims() -> int:
-        return sum(not m["initial"] for m in browser.of_kind("SetCameraPositionMessage"))
-
     nodes, triangles = stage.sim.body
-    before = browser.wait(aims)
+    before = browser.wait(lambda: browser.cameras(fit=True))
+    radius = before[-1]["radius"]
     stage.sim.body = nodes - [0, 0, 0.4], triangles
-    browser.wait(lambda: aims() > before)
-    pictures = browser.pictures()
-    browser.look_from(1.0, 1.0, 1.0)
-    browser.wait(lambda: browser.pictures() > pictures + 5)
-    seen, pictures = aims(), browser.pictures()
-    stage.sim.body = nodes - [0, 0, 1.3], triangles
-    browser.wait(lambda: browser.pictures() > pictures + 10)
+    browser.wait(
+        lambda: browser.cameras(fit=False) and browser.cameras(fit=False)[-1]["radius"] > 1.5 * radius
+    )
     stage.sim.body = nodes, triangles
-    assert aims() == seen
+    assert browser.cameras(fit=True) == before
 
 
 def test_a_page_that_hears_nobody_shows_no_robot(domain: int) -> None:
@@ -192,42 +185,31 @@ def test_body_states_that_do_not_fit_are_skipped_and_shown(
 
 
 def test_a_mesh_that_changes_is_rebuilt(stage: Stage, browser: FakeBrowser) -> None:
-    drawn, meshes = browser.pictures(), len(browser.of_kind("MeshMessage"))
+    meshes = len(browser.changes("/bodies/0"))
     nodes, triangles = stage.sim.body
     stage.sim.body = nodes, np.ascontiguousarray(triangles[::-1])
     browser.wait(lambda: lines_naming(browser.text(), "topology id", "mesh"))
     stage.sim.publish_mesh()
-    browser.wait(lambda: len(browser.of_kind("MeshMessage")) > meshes)
+    browser.wait(lambda: len(browser.changes("/bodies/0")) > meshes)
     drawn = browser.pictures()
     browser.wait(lambda: browser.pictures() > drawn + 3)
 
 
 def test_maze_and_ball_come_and_go_with_the_simulator(stage: Stage, browser: FakeBrowser) -> None:
-    def made(kind: str, name: str) -> list[dict]:
-        return [m for m in browser.of_kind(kind) if m["name"] == name]
-
-    def removed(name: str) -> bool:
-        return any(m["name"] == name for m in browser.of_kind("RemoveSceneNodeMessage"))
-
-    assert not made("MeshMessage", "/effector/maze")
+    assert not browser.node("/effector/maze")
     stage.sim.publish_game(True, 0.002)
-    browser.wait(lambda: made("MeshMessage", "/effector/maze") and made("IcosphereMessage", "/ball/sphere"))
-    (maze,) = made("MeshMessage", "/effector/maze")  # its frame is the effector's, so that it rides on it
-    assert maze["props"]["flat_shading"]
-    assert made("IcosphereMessage", "/ball/sphere")[0]["props"]["radius"] == pytest.approx(0.002, rel=0.01)
-
-    def shown() -> bool:
-        return [
-            m["visible"] for m in browser.of_kind("SetSceneNodeVisibilityMessage") if m["name"] == "/ball"
-        ][-1:] == [True]
-
-    assert not shown()  # nobody has said where it is
-    stage.wait(lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or shown())
+    browser.wait(lambda: browser.node("/effector/maze") and browser.node("/ball/0"))
+    assert (
+        browser.node("/effector/maze")["parent"] == browser.node("/effector")["number"]
+    )  # so that it rides on it
+    radius = np.linalg.norm(browser.node("/ball/0")["vertices"], axis=1).max()
+    assert radius == pytest.approx(0.002, rel=0.01)
+    assert not browser.node("/ball")["visible"]  # nobody has said where it is
+    stage.wait(lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or browser.node("/ball")["visible"])
     browser.wait(lambda: browser.position("/ball") == [0.01, -0.02, 0.03])
-    turn = [m["wxyz"] for m in browser.of_kind("SetOrientationMessage") if m["name"] == "/ball"][-1]
-    assert list(turn) == pytest.approx([0.8, 0, 0, 0.6])
+    assert browser.node("/ball")["pose"][3:] == pytest.approx([0, 0, 0.6, 0.8])
     stage.sim.publish_game(False)
-    browser.wait(lambda: removed("/effector/maze") and removed("/ball"))
+    browser.wait(lambda: not browser.node("/effector/maze") and not browser.node("/ball"))
 
 
 def test_a_maze_is_read_and_an_empty_one_is_none() -> None:
@@ -294,6 +276,7 @@ def test_a_servo_a_cable_and_a_chamber_are_commanded_in_one_message(
 ) -> None:
     others = Joint("tendon", "m", 0.0, 0.03, 0.03), Joint("air", "Pa", 0.0, 30e3, 30e3)
     stage.sim.have_joints(1, others)
+    browser.wait(lambda: [kind["servo"] for kind in browser.value("kinds") or []] == [True, False, False])
     browser.wait(lambda: browser.value("joints") and len(browser.value("joints")["asked"]) == 3)
     browser.press("TELEOP")
     stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
@@ -311,6 +294,9 @@ def test_a_servo_a_cable_and_a_chamber_are_commanded_in_one_message(
         lambda: str((sent(), browser.text())),
     )
     assert list(stage.sim.commands[-1].joint_names) == ["servo_0", "tendon", "air"]
+    browser.press("STOP")
+    stage.sim.have_joints(3, ())
+    browser.wait(lambda: [kind["servo"] for kind in browser.value("kinds")] == [True] * 3)
 
 
 def test_the_working_pose_is_a_slow_path_that_a_slider_ends(stage: Stage, browser: FakeBrowser) -> None:
@@ -407,16 +393,15 @@ def test_a_drag_publishes_targets_within_the_box_and_shuts_others_out(
 
 def test_the_handle_turns_where_the_goal_is_an_orientation(stage: Stage, browser: FakeBrowser) -> None:
     def may_turn() -> bool:
-        made = [m for m in browser.of_kind("TransformControlsMessage") if m["name"] == "/target_handle"]
-        return not made[-1]["props"]["disable_rotations"]
+        return browser.node("/target_handle")["turns"]
 
     goals = stage.sim.create_publisher(String, names.IK_GOAL, LATCHED)
-    assert not may_turn()
+    browser.wait(lambda: not may_turn())
     goals.publish(String(data="orientation"))
     browser.wait(may_turn)
     stage.sim.targets.clear()
     browser.grab()
-    browser.drag(0.0, 0.0, 0.0, wxyz=(0.8, 0.6, 0.0, 0.0))
+    browser.drag(0.0, 0.0, 0.0, turn=(0.6, 0.0, 0.0, 0.8))
     stage.wait(lambda: stage.sim.targets)
     q = stage.sim.targets[-1].pose.orientation
     assert (q.w, q.x, q.y, q.z) == pytest.approx((0.8, 0.6, 0.0, 0.0))
@@ -430,9 +415,7 @@ def test_inverse_kinematics_starts_at_the_handle_which_rides_on_the_effector(
     stage: Stage, browser: FakeBrowser
 ) -> None:
     def rides() -> bool:
-        seen = [
-            m["position"][2] for m in browser.of_kind("SetPositionMessage")[-100:] if m["name"] == "/target"
-        ]
+        seen = [pose[2] for pose in browser.changes("/target", "pose")[-10:]]
         return len(set(seen)) > 5  # the effector of the fake goes up and down
 
     browser.press("bring target to effector")
@@ -465,48 +448,39 @@ def test_messages_with_nonsense_are_refused_and_shown(stage: Stage, browser: Fak
 
 
 def test_the_arms_of_another_scene_do_not_stand_as_those_before(stage: Stage, browser: FakeBrowser) -> None:
-    def turns(name: str, times: int = 1) -> list[list[float]]:
-        """Return how a thing was turned since it was made last; nothing before it was made so many times."""
-        own = [m for m in list(browser.messages) if m.get("name") == name]
-        made = [i for i, m in enumerate(own) if m["type"] in ("FrameMessage", "TransformControlsMessage")]
-        if len(made) < times:
-            return []
-        return [list(m["wxyz"]) for m in own[made[-1] :] if m["type"] == "SetOrientationMessage"]
+    def turn(path: str) -> list[float]:
+        found = browser.node(path)
+        return list(found["pose"][3:]) if found else []
 
     stage.sim.jump_to(-1.0, -1.0, -1.0, 0.02)
     show(stage.sim, "tripod")
     browser.wait(lambda: browser.value("scene")["name"] == "tripod")
-    browser.wait(lambda: turns("/arms/0") and turns("/arms/0")[-1] != [1, 0, 0, 0])
+    browser.wait(lambda: turn("/arms/0") and turn("/arms/0") != [0, 0, 0, 1])
     stage.sim.silent = True
     ticks = stage.sim.ticks
     stage.wait(lambda: stage.sim.ticks > ticks + 1)
     stage.sim.publish_joints(np.array([-0.9, -0.9, -0.9, 0.02]))
     turned = pytest.approx(np.cos(0.45), abs=1e-3)
-    browser.wait(
-        lambda: turns("/arms/0")[-1][0] == turned
-    )  # what was on its way has arrived before the scene
+    browser.wait(lambda: turn("/arms/0")[3] == turned)  # what was on its way has arrived before the scene
+    before = browser.node("/arms/0")["number"]
     stage.sim.jump_to(0.0, 0.0, 0.0, 0.0)
     show(stage.sim, "cross")
     browser.wait(lambda: browser.value("scene")["name"] == "cross")
-    for name in ("/arms/0", "/servos/0", "/effector"):
-        browser.wait(lambda name=name: turns(name, times=2))
-    browser.wait(lambda: turns("/arms/0", times=2)[-1] == [1, 0, 0, 0])
+    browser.wait(lambda: browser.node("/arms/0")["number"] != before)
+    browser.wait(lambda: turn("/arms/0") == [0, 0, 0, 1])
 
 
 def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, browser: FakeBrowser) -> None:
-    def last(kind: str, name: str) -> int:
-        with_name = [i for i, m in enumerate(browser.messages) if m["type"] == kind and m.get("name") == name]
-        return with_name[-1] if with_name else -1
+    def rides() -> bool:
+        nodes = [browser.node(f"/effector{end}") for end in ("", "/maze", "/marks")]
+        return None not in nodes and {node["parent"] for node in nodes[1:]} == {nodes[0]["number"]}
 
     stage.sim.publish_game(True, 0.002)
-    browser.wait(lambda: last("MeshMessage", "/effector/maze") >= 0)
+    before = browser.wait(lambda: browser.node("/effector/maze"))
     show(stage.sim, "maze")
     browser.wait(lambda: browser.value("scene")["name"] == "maze")
-    browser.wait(lambda: last("MeshMessage", "/effector/maze") > last("FrameMessage", "/effector") > 0)
-    browser.wait(
-        lambda: last("RemoveSceneNodeMessage", "/effector/maze") < last("MeshMessage", "/effector/maze")
-    )
-    browser.wait(lambda: last("CylinderMessage", "/effector/marks/goal") > last("FrameMessage", "/effector"))
+    browser.wait(lambda: rides() and browser.node("/effector")["number"] != before["parent"])
+    browser.wait(lambda: browser.node("/effector/marks/goal"))
     stage.sim.publish_game(False)
 
 
@@ -537,8 +511,8 @@ def test_numbers_that_are_none_are_refused_by_name(stage: Stage, browser: FakeBr
 
 def test_each_of_several_bodies_has_a_colour_of_its_own(stage: Stage, browser: FakeBrowser) -> None:
     def colours() -> set[tuple[int, ...]]:
-        meshes = [m for m in browser.of_kind("MeshMessage") if m["name"].startswith("/bodies/")]
-        return {tuple(m["props"]["color"]) for m in meshes[-2:]}
+        bodies = [browser.node(f"/bodies/{i}") for i in range(2)]
+        return {tuple(body["colour"]) for body in bodies if body}
 
     show(stage.sim, "two_cloths")
     browser.wait(lambda: browser.value("scene")["name"] == "two_cloths")
@@ -554,33 +528,30 @@ def test_bodies_may_be_called_like_what_else_is_drawn(stage: Stage, browser: Fak
     stage.sim.body = nodes, triangles[(triangles < count).all(axis=1)]
     stage.sim.publish_mesh()
     for name in drawn:
-        meshes = len(browser.of_kind("MeshMessage"))
+        meshes = len(browser.changes("/bodies/0"))
         part = {"name": name, "kind": "solid", "first": 0, "count": count}
         stage.sim.publish_picture({**table, "name": f"with {name}", "parts": [part]})
-        browser.wait(lambda meshes=meshes: len(browser.of_kind("MeshMessage")) >= meshes + 2)
-        browser.press("fit the camera")
+        browser.wait(lambda meshes=meshes: len(browser.changes("/bodies/0")) > meshes)
         pictures = browser.pictures()
         browser.wait(lambda pictures=pictures: browser.pictures() > pictures + 3)
 
 
 def test_what_falls_away_from_the_others_is_left_out_and_told(stage: Stage, browser: FakeBrowser) -> None:
-    def seen() -> float:
-        at, to = (browser.of_kind(f"SetCamera{what}Message")[-1] for what in ("Position", "LookAt"))
-        return float(np.linalg.norm(np.subtract(at["position"], to["look_at"])))
-
     table = told("stack")[0]
     show(stage.sim, "stack")
     browser.wait(lambda: browser.value("scene")["name"] == "stack")
     nodes, triangles = stage.sim.body
     browser.wait(lambda: browser.value("notice") == [])
-    near = browser.wait(seen)
+    near = browser.wait(lambda: browser.cameras(fit=True))[-1]["radius"]
     one = np.arange(len(nodes)) < table["parts"][0]["count"]
     stage.sim.body = nodes - one[:, None] * [0, 0, 50.0], triangles
     browser.wait(lambda: lines_naming(browser.text(), "out of sight", "body", "far away"))
-    browser.press("fit the camera")
-    browser.wait(lambda: seen() < 2 * near)
+    browser.wait(lambda: [browser.node(f"/bodies/{i}")["fits"] for i in range(2)] == [False, True])
+    assert (
+        max(camera["radius"] for camera in browser.cameras(fit=False)[-1:] or [{"radius": near}]) < 2 * near
+    )
     stage.sim.body = nodes, triangles
-    browser.wait(lambda: browser.value("notice") == [])
+    browser.wait(lambda: browser.value("notice") == [] and browser.node("/bodies/0")["fits"])
 
 
 def test_a_page_that_is_stopped_in_control_leaves_the_robot_stopped(context: rclpy.Context) -> None:

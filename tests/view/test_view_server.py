@@ -6,21 +6,26 @@ import socket
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("viser")
 from websockets.exceptions import InvalidStatus
 
 from tests.messages import assert_names, raises_naming
 from tests.view.fake_browser import FakeBrowser
 from tripod_view import server as server_module
 from tripod_view.channel import Channel
+from tripod_view.drawing import Drawing
 from tripod_view.events import Inbox
 from tripod_view.gate import Gate, RefusedError
-from tripod_view.server import HOST, PageServer, free_port
+from tripod_view.server import HOST, PageServer
+from tripod_view.stream import Stream
 
 
-def page_server(port: int = 0) -> PageServer:
-    return PageServer(port, Channel(Inbox(lambda: None)))
+def page_server(port: int = 0, drawing: Drawing | None = None) -> PageServer:
+    """Return a server of `drawing`, or of one node."""
+    inbox = Inbox(lambda: None)
+    if drawing is None:
+        drawing = Drawing()
+        drawing.add("/one", "group", axes=0.0)
+    return PageServer(port, Channel(inbox), Stream(drawing, inbox))
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +44,16 @@ def taken():
 
 
 def test_it_listens_on_the_loopback_interface_only(server: PageServer) -> None:
-    assert (server.get_host(), server.get_port() > 0) == (HOST, True)
+    assert server.port > 0
     sockets = [line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-    own = [s for s in sockets if int(s.split(":")[1], 16) == server.get_port()]
+    own = [s for s in sockets if int(s.split(":")[1], 16) == server.port]
     assert own
     assert all(s.startswith("0100007F:") for s in own)
 
 
 def get(server: PageServer, path: str, **headers: str) -> tuple[int, bytes, http.client.HTTPMessage]:
     """Return status, content and headers of the answer to a request for `path`."""
-    connection = http.client.HTTPConnection(HOST, server.get_port(), timeout=60)
+    connection = http.client.HTTPConnection(HOST, server.port, timeout=60)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
     return answer.status, answer.read(), answer.headers
@@ -93,7 +98,7 @@ def test_without_the_token_nothing_is_served_and_the_reason_told(server: PageSer
 
 
 def test_without_the_token_no_websocket_is_opened(server: PageServer) -> None:
-    base = f"http://{HOST}:{server.get_port()}"
+    base = f"http://{HOST}:{server.port}"
     for path in wrong_paths(token(server)):
         with pytest.raises(InvalidStatus) as refusal:
             FakeBrowser(base + path)
@@ -102,10 +107,10 @@ def test_without_the_token_no_websocket_is_opened(server: PageServer) -> None:
 
 @pytest.mark.parametrize("host", ["", "localhost", "localhost:9000", "127.0.0.1:8080"])
 def test_own_pages_and_programs_are_let_in_also_through_a_tunnel(server: PageServer, host: str) -> None:
-    own = host or f"{HOST}:{server.get_port()}"
+    own = host or f"{HOST}:{server.port}"
     for origin in (None, f"http://{own}"):
         with FakeBrowser(server.url, origin=origin, host=host) as browser:
-            browser.wait(lambda b=browser: b.of_kind("ReplayDoneMessage"))
+            browser.wait(lambda b=browser: b.node("/one"))
 
 
 @pytest.mark.parametrize(
@@ -123,7 +128,7 @@ def test_own_pages_and_programs_are_let_in_also_through_a_tunnel(server: PageSer
     ],
 )
 def test_pages_of_other_sites_and_of_other_ports_are_refused_even_with_the_token(server, origin: str) -> None:
-    origin = origin.format(port=server.get_port())
+    origin = origin.format(port=server.port)
     with pytest.raises(InvalidStatus) as refusal:
         FakeBrowser(server.url, origin=origin)
     assert refusal.value.response.status_code == 403
@@ -142,9 +147,9 @@ def test_a_foreign_name_that_leads_here_opens_nothing(server: PageServer, host: 
 
 
 def test_two_hosts_or_origins_are_refused(server: PageServer) -> None:
-    own = f"{HOST}:{server.get_port()}"
+    own = f"{HOST}:{server.port}"
     for extra in (f"Host: {own}", f"Origin: http://{own}\r\nOrigin: http://{own}"):
-        with socket.create_connection((HOST, server.get_port()), timeout=60) as line:
+        with socket.create_connection((HOST, server.port), timeout=60) as line:
             line.sendall(f"GET /{token(server)} HTTP/1.1\r\nHost: {own}\r\n{extra}\r\n\r\n".encode())
             assert line.recv(100).startswith(b"HTTP/1.1 403 ")
 
@@ -157,6 +162,7 @@ def test_every_answer_forbids_frames_and_referrers(server: PageServer) -> None:
         assert policy["frame-ancestors"] == {"'none'"}
         own = {"'self'", "data:", "blob:"}
         assert policy["default-src"] == own  # nothing of other machines is loaded
+        assert policy["script-src"] == {"'self'"}  # no evaluation, and no script in the page
         assert policy["connect-src"] == own | {"ws://127.0.0.1:*", "ws://localhost:*"}
         assert (headers["X-Frame-Options"], headers["Referrer-Policy"]) == ("DENY", "no-referrer")
         assert headers["Cache-Control"] == "no-store"
@@ -172,31 +178,16 @@ def test_tokens_are_compared_in_a_time_that_tells_nothing(monkeypatch: pytest.Mo
     assert compared == [(made.token.encode(), made.token.encode())]
 
 
-def test_no_client_can_publish_the_page(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    opened = []
-    monkeypatch.setattr("viser._viser.ViserTunnel", lambda *a: opened.append(a))
-    with FakeBrowser(server.url) as browser:
-        browser.send("ShareUrlRequest")
-        browser.send("ShareUrlRequest")
-        browser.wait(lambda: browser.of_kind("ReplayDoneMessage"))
-    assert server.request_share_url() is None
-    assert opened == []
-
-
 def test_a_taken_port_gives_the_next_free_one(taken: int) -> None:
-    assert taken < free_port(taken) < taken + server_module.ATTEMPTS
+    made = page_server(taken)
+    made.close()
+    assert taken < made.port < taken + server_module.ATTEMPTS
 
 
 def test_without_a_free_port_it_says_so_at_once(taken: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "ATTEMPTS", 1)
     with raises_naming(OSError, f"{taken} to {taken}", "in use"):
         page_server(taken)
-
-
-def test_starting_leaves_the_websockets_library_as_it_was(server: PageServer) -> None:
-    import websockets.asyncio.server
-
-    assert isinstance(websockets.asyncio.server.serve, type)
 
 
 def test_starting_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:

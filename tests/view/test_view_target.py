@@ -8,7 +8,7 @@ from tripod_view.pose import Pose
 from tripod_view.target import TargetError, TargetHandle
 
 BROWSER, OTHER = 1, 2
-STRAIGHT = (1.0, 0.0, 0.0, 0.0)
+STRAIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
 def at(x: float, y: float, z: float) -> Pose:
@@ -91,7 +91,7 @@ def test_a_box_that_is_none_is_refused_by_name(low: tuple, high: tuple, field: s
 
 def test_a_drag_turns_the_target_and_what_is_no_rotation_is_refused() -> None:
     h = handle()
-    pose = h.drag(BROWSER, [0.0, 0.0, 0.0], (0.8, 0.0, 0.6, 0.0))
+    pose = h.drag(BROWSER, [0.0, 0.0, 0.0], (0.0, 0.6, 0.0, 0.8))
     assert pose.quaternion.tolist() == pytest.approx([0.0, 0.6, 0.0, 0.8])
     assert h.quaternion.tolist() == pytest.approx([0.0, 0.6, 0.0, 0.8])
     for sent in ((0, 0, 0, 0), (1, 0, 0), (np.nan, 0, 0, 1), None, "turn"):

@@ -7,10 +7,10 @@ from itertools import product
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_view.frame import FAR, MARGIN, span, staying
+from tripod_view.frame import AZIMUTH, ELEVATION, FAR, FIELD, MARGIN, span, staying
 from tripod_view.player.film import Deforming, Film
 
-HALF = 0.3
+HALF = FIELD / 2
 """Half the angle of view of the player [rad]."""
 
 EIGHT = np.array(list(product((0, 1), repeat=3)))
@@ -61,7 +61,7 @@ def camera(film: Film) -> Camera:
     )  # a motion in the plane of x and z is seen from the front
     centre = (low + high) / 2
     ground = [low[2], *(vertices[:, 2].min() for vertices in still)]
-    azimuth, elevation = (-80.0, 10.0) if flat else (-50.0, 30.0)
+    azimuth, elevation = (-80.0, 10.0) if flat else (AZIMUTH, ELEVATION)
     needed = MARGIN * _needed(points - centre, np.radians(azimuth), np.radians(elevation))
     whole = 0.43 * float(np.linalg.norm(extent))  # of a sphere that a box does not fill
     return Camera(

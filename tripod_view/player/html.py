@@ -7,11 +7,14 @@ import zlib
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tripod_host.writing import replaced_text
 from tripod_view.player.film import Film
 from tripod_view.player.packing import reel, stage
+
+WEB: Final = "tripod_view.web"
+"""The folder of what films and the live page have in common."""
 
 
 def write_html(film: Film, path: str | Path) -> None:
@@ -24,10 +27,11 @@ def player_page(stage: dict[str, Any], reel: dict[str, Any] | None) -> str:
     """Return the page of a film; without a `reel` it asks the server that it came from for one, again and again."""
     parts = {
         "TITLE": html.escape(stage["title"]),
-        "STYLE": _file("player.css"),
-        "LIBRARY": _packed("three.js", "tripod_view.web"),
+        "STYLE": _file("view.css", WEB) + _file("player.css"),
+        "LIBRARY": _packed("three.js", WEB),
         "SCRIPT": "\n".join(
-            (_file("view.js", "tripod_view.web"), *map(_file, ("film.js", "plot.js", "player.js")))
+            [_file(name, WEB) for name in ("view.js", "toolbar.js")]
+            + [_file(name) for name in ("film.js", "plot.js", "player.js")]
         ),
         "STAGE": _json(stage),
         "REEL": _json(reel),

@@ -1,29 +1,9 @@
 "use strict";
 // The page that plays a film.
 
-const byId = (id) => document.getElementById(id);
-const BACKGROUND = "#edf1f4"; // of a saved picture
 const PARTS = /^(servo|arm|goal)\b/; // pieces that no camera follows
 
-function length(metres) {
-  const short = (v) => String(Number(v.toPrecision(3)));
-  return metres >= 1 ? `${short(metres)} m` : metres >= 0.001 ? `${short(1000 * metres)} mm` : `${short(1e6 * metres)} um`;
-}
-
 const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "–");
-
-function save(name, blob) {
-  const link = document.createElement("a");
-  Object.assign(link, { href: URL.createObjectURL(blob), download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
-
-function option(select, value, text) {
-  const made = document.createElement("option");
-  made.value = value;
-  made.textContent = text;
-  select.append(made);
-}
 
 // What the surface may be coloured by: its own colours, and the fields of the film.
 class Colours {
@@ -145,7 +125,6 @@ async function main() {
   stage.pieces.forEach((piece, p) => { if (piece.moves && !movers.has(piece.name) && !PARTS.test(piece.name)) movers.set(piece.name, p); });
   for (const [name, p] of movers) option(byId("follow"), String(p), `follow ${name}`);
   const main = ["ball", "effector", "maze", ...movers.keys()].find((name) => movers.has(name)); // whose path is drawn
-  byId("path").hidden = !main;
   byId("follow").value = followed;
   byId("follow").addEventListener("change", (e) => { followed = e.target.value; redraw(); });
   byId("colour").addEventListener("change", (e) => { colours.choose(e.target.value); redraw(); });
@@ -159,18 +138,20 @@ async function main() {
     byId("arrows").append(label);
   });
   byId("arrows").hidden = !stage.arrows.length;
-  const actions = {
-    fit: () => view.fit(), home: () => view.home(), front: () => view.from("front"), side: () => view.from("side"),
-    top: () => view.from("top"), below: () => { view.below = !view.below; pressed("below", view.below); view.moved(); },
+  const then = (act) => () => { act(); redraw(); };
+  const all = (actions) => Object.fromEntries(Object.entries(actions).map(([name, act]) => [name, then(act)]));
+  const cameras = all(cameraActions(view)), more = all({
     lines: () => { showLines = !showLines; view.showLines(showLines); pressed("lines", showLines); },
     path: () => { showPath = !showPath; pressed("path", showPath); },
-    panel: () => { byId("panels").hidden = !byId("panels").hidden; pressed("panel", !byId("panels").hidden); },
-    help: () => { const sheet = byId("sheet"); if (sheet.open) sheet.close(); else sheet.showModal(); },
     shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`, ...colours.words])),
-    play: () => play(!playing),
-  };
-  const pressed = (id, on) => byId(id).setAttribute("aria-pressed", String(on));
-  for (const [id, act] of Object.entries(actions)) byId(id).addEventListener("click", () => { act(); redraw(); });
+    panel: () => { byId("panels").hidden = !byId("panels").hidden; pressed("panel", !byId("panels").hidden); },
+    help: () => toggleSheet(true),
+  });
+  const keys = { home: "r", fit: "f", top: "t", front: "w", side: "s", below: "b", lines: "l", path: "c", shot: "p", panel: "h", help: "?" };
+  addTools(byId("camera-tools"), cameras, keys);
+  addTools(byId("page-tools"), more, keys);
+  byId("path").hidden = !main;
+  byId("play").addEventListener("click", () => play(!playing));
 
   function tell() {
     happened.replaceChildren(...film.events.map(([t, text]) => {
@@ -258,11 +239,7 @@ async function main() {
   });
   byId("plot-picked").addEventListener("click", () => { plots.addNode(...picked); redraw(); });
 
-  byId("split").addEventListener("pointerdown", (e) => {
-    e.target.setPointerCapture(e.pointerId);
-    e.target.onpointermove = (m) => { byId("panels").style.width = `${clamp(innerWidth - m.clientX, 160, 0.8 * innerWidth)}px`; redraw(); };
-    e.target.onpointerup = () => { e.target.onpointermove = null; };
-  });
+  splitAt(byId("split"), (width) => { byId("panels").style.width = `${width}px`; redraw(); });
 
   // ---- keys, time
 
@@ -271,10 +248,9 @@ async function main() {
   window.addEventListener("keydown", (e) => {
     if (e.ctrlKey || e.altKey || e.metaKey || ["INPUT", "SELECT"].includes(e.target.tagName) && e.key !== " ") return;
     const [i] = film.at(time);
-    const act = { " ": actions.play, ArrowRight: () => jump(film.times[Math.min(i + 1, film.length - 1)]),
-      ArrowLeft: () => jump(film.times[Math.max(i - 1, 0)]), Home: () => seek(film.start), End: () => seek(film.end),
-      l: actions.lines, r: actions.home, f: actions.fit, t: actions.top, s: actions.side, w: actions.front, b: actions.below,
-      p: actions.shot, c: actions.path, h: actions.panel, "?": actions.help }[e.key];
+    const name = Object.keys(keys).find((one) => keys[one] === e.key);
+    const act = { ...cameras, ...more }[name] ?? { " ": () => play(!playing), ArrowRight: () => jump(film.times[Math.min(i + 1, film.length - 1)]),
+      ArrowLeft: () => jump(film.times[Math.max(i - 1, 0)]), Home: () => seek(film.start), End: () => seek(film.end) }[e.key];
     if (act) { e.preventDefault(); if (e.target.blur) e.target.blur(); act(); redraw(); }
   });
 

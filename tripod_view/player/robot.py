@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_product, vector_quaternion
@@ -40,9 +39,9 @@ def robot_pieces(
         turns = np.array([vector_quaternion([0.0, -angle, 0.0]) for angle in angles[:, i]])
         arm = np.concatenate([where, quaternion_product(np.array(stand.quaternion), turns)], axis=1)
         pieces += [
-            _piece(f"rail {i}", _rail(stand), BASE, None),
+            _piece(f"rail {i}", rail_shape(stand), BASE, None),
             _piece(f"servo {i}", box(BODY_SIZE), SERVO_BODY, carriage),
-            _piece(f"arm {i}", _bracket(stand, geometry), SERVO_COLOURS[i % len(SERVO_COLOURS)], arm),
+            _piece(f"arm {i}", arm_shape(stand, geometry), SERVO_COLOURS[i % len(SERVO_COLOURS)], arm),
         ]
     return tuple(pieces)
 
@@ -56,7 +55,8 @@ def _piece(name: str, shape: Shape, colour: Rgb, poses: FloatArray | None) -> Pi
     return Piece(name, shape[1], shape[0], colour, poses)
 
 
-def _rail(stand: Stand) -> tuple[FloatArray, NDArray[np.int64]]:
+def rail_shape(stand: Stand) -> Shape:
+    """Return the rail of a servo in the frame of the world."""
     vertices, triangles = box(
         (stand.rail + 0.018, BODY_SIZE[1] + 0.004, BRACKET),
         ((0.018 - stand.rail) / 2, 0.0, -BODY_SIZE[2] / 2 - BRACKET / 2),
@@ -64,8 +64,8 @@ def _rail(stand: Stand) -> tuple[FloatArray, NDArray[np.int64]]:
     return Pose.of(stand.hub, stand.quaternion).apply(vertices), triangles
 
 
-def _bracket(stand: Stand, g: ArmGeometry) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return two cheeks on the axis, and plates under and over the clamped end."""
+def arm_shape(stand: Stand, g: ArmGeometry) -> Shape:
+    """Return an arm in its frame: two cheeks on the axis, and plates under and over the clamped end."""
     corners = clamp_corners(stand, g)
     inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
     lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
-from tripod_view.gate import HEADERS, Gate, RefusedError
+from tripod_view.gate import FILM_POLICY, HEADERS, Gate, RefusedError
 
 HOST: Final = "127.0.0.1"
 
@@ -82,7 +82,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _send(self, status: HTTPStatus, kind: str, text: str) -> None:
         body = text.encode()
         self.send_response(status)
-        for name, value in HEADERS.items():
+        for name, value in (HEADERS | {"Content-Security-Policy": FILM_POLICY}).items():
             self.send_header(name, value)
         self.send_header("Content-Type", f"{kind}; charset=utf-8")
         self.send_header("Content-Length", str(len(body)))

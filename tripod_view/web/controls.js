@@ -20,8 +20,6 @@ function simulation() {
     pause,
     button("Step", () => send({ sim: "step" }), "One step, while paused"),
     withClass("ball", button("Drop the ball", () => send({ sim: "drop" }), "The ball again to where it starts")),
-    button("Fit view", () => send({ press: "fit the camera" })),
-    button("Mesh lines", () => send({ press: "mesh lines" })),
     record,
   ]);
   listen("run", (run) => setText(pause, run?.state === 1 ? "Run" : "Pause"));

@@ -7,6 +7,7 @@ import { cards } from "./cards.js";
 import { keys } from "./keys.js";
 import { plots } from "./plots.js";
 import { replay } from "./replay.js";
+import { scene } from "./scene.js";
 import { noPicture, start } from "./start.js";
 import { status } from "./status.js";
 
@@ -15,7 +16,7 @@ const stop = element("button", { id: "stop", title: "All commands off: the robot
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
 place(panel, [status(), controls(), replay(), cards(), plots()]);
-place(document.body, [panel, stop, start(), noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
+place(document.body, [panel, stop, start(), scene() ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
 keys();
 
 // What a scene has decides which controls there are: classes of the body, which the style sheet heeds.

@@ -39,9 +39,8 @@ export function start() {
   return place(box, [title, text, moved, begin, watch]);
 }
 
-// What to do where the browser cannot draw; nothing where it can.
+// What to do where the browser cannot draw.
 export function noPicture() {
-  if (element("canvas").getContext("webgl2")) return null;
   const text = "This browser has no WebGL 2, so the view stays white. Switch on hardware acceleration in its settings, or open this page in another browser (Firefox, Chrome).";
   return element("p", { id: "no-webgl" }, text);
 }

@@ -79,6 +79,29 @@ class View {
     return this.mesh(geometry, this.shade, this.shadows);
   }
 
+  // What is hidden behind others, faintly.
+  seenThrough(geometry, colour, parent = this.scene) {
+    const faint = this.material(colour, { transparent: true, opacity: 0.35, depthTest: false, depthWrite: false });
+    const mesh = this.mesh(geometry, faint, parent);
+    mesh.renderOrder = 2;
+    return mesh;
+  }
+
+  edgesOf(geometry, parent) {
+    this.creases ??= new THREE.LineBasicMaterial({ color: 0x222a30, transparent: true, opacity: 0.45 });
+    const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, CREASE), this.creases);
+    edges.frustumCulled = false;
+    parent.add(edges);
+    return edges;
+  }
+
+  meshLines(geometry, parent = this.scene) {
+    const lines = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: 0x3c230f, transparent: true, opacity: 0.55 }));
+    lines.frustumCulled = false;
+    parent.add(lines);
+    return lines;
+  }
+
   addBody(body, read) {
     const T = THREE, geometry = new T.BufferGeometry(), triangles = read(body.triangles);
     const positions = new T.BufferAttribute(new Float32Array(3 * body.nodes), 3).setUsage(T.DynamicDrawUsage);
@@ -87,15 +110,11 @@ class View {
     const edges = new T.BufferGeometry();
     edges.setAttribute("position", positions);
     edges.setIndex(new T.BufferAttribute(read(body.edges), 1));
-    const lines = new T.LineSegments(edges, new T.LineBasicMaterial({ color: 0x3c230f, transparent: true, opacity: 0.55 }));
-    lines.frustumCulled = lines.visible = false;
-    this.scene.add(lines);
+    const lines = this.meshLines(edges);
+    lines.visible = false;
     const made = { geometry, positions, triangles, lines, plain: this.material(body.colour) };
     made.mesh = this.mesh(geometry, made.plain);
-    if (body.through) {
-      const faint = this.material(body.colour, { transparent: true, opacity: 0.35, depthTest: false, depthWrite: false });
-      this.mesh(geometry, faint).renderOrder = 2;
-    }
+    if (body.through) this.seenThrough(geometry, body.colour);
     made.shadow = this.shadow(geometry);
     return made;
   }
@@ -105,10 +124,7 @@ class View {
     geometry.setAttribute("position", new THREE.BufferAttribute(read(piece.vertices), 3));
     geometry.setIndex(new THREE.BufferAttribute(read(piece.triangles), 1));
     const made = { geometry, mesh: this.mesh(geometry, this.material(piece.colour)), shadow: this.shadow(geometry) };
-    this.creases ??= new THREE.LineBasicMaterial({ color: 0x222a30, transparent: true, opacity: 0.45 });
-    const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry, CREASE), this.creases);
-    edges.frustumCulled = false;
-    made.mesh.add(edges);
+    this.edgesOf(geometry, made.mesh);
     for (const mesh of [made.mesh, made.shadow]) mesh.matrixAutoUpdate = false;
     return made;
   }
@@ -253,8 +269,8 @@ class View {
   // Looks from the front, the side or the top at what is looked at now.
   from(name) { this.touched = true; this.look(...VIEWS[name], this.seen); }
 
-  // Shows all bodies and pieces as they are now, from where the camera stands.
-  fit() {
+  // The box about all bodies and pieces as they are now, relative to `origin`.
+  bounds() {
     const T = THREE, box = new T.Box3(), point = new T.Vector3();
     this.bodies.forEach(({ positions }, b) => {
       if (!this.stage.bodies[b].seen) return;
@@ -265,6 +281,12 @@ class View {
       geometry.computeBoundingBox();
       box.union(geometry.boundingBox.clone().applyMatrix4(mesh.matrix));
     });
+    return box;
+  }
+
+  // Shows all as it is now, from where the camera stands.
+  fit() {
+    const T = THREE, box = this.bounds();
     if (box.isEmpty()) return;
     const way = this.camera.position.clone().sub(this.controls.target).normalize(), ball = box.getBoundingSphere(new T.Sphere());
     this.touched = true;
