@@ -79,8 +79,8 @@ def wrong(data: Measured) -> dict[str, Measured]:
     assert angles is not None
     middle = np.nanmean(data.values, axis=0)
     return {
-        "motors 0 and 1 exchanged": replace(data, angles=angles[:, [1, 0, 2, 3]]),
-        "motors' range shrunk by 10 %": replace(data, angles=0.9 * angles),
+        "motors 0 and 1 exchanged": replace(data, commands=angles[:, [1, 0, 2, 3]]),
+        "motors' range shrunk by 10 %": replace(data, commands=0.9 * angles),
         "places' range shrunk by 10 %": replace(data, values=middle + 0.9 * (data.values - middle)),
     }
 
