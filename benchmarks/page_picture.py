@@ -76,7 +76,7 @@ def main() -> None:
             page.get_by_text("Just watch").click()
             page.mouse.move(width / 3, height / 2)
             for _ in range(options.zoom):
-                page.mouse.wheel(0, -100)
+                page.mouse.wheel(0, -120)
             page.locator("#panel details").evaluate_all(
                 "(cards, names) => cards.forEach((c) => (c.open = names.includes(c.id)))", options.card
             )
