@@ -491,7 +491,7 @@ def test_a_camera_that_somebody_moved_stays_where_bodies_leave_the_picture(
         stage.wait(lambda: place(opened, "servo 0") != first)
         top, axis = place(opened, "servo 0"), place(opened, "x")
         stage.sim.body = nodes - [0, 0, 0.4], triangles
-        stage.wait(lambda: place(opened, "x") != axis)  # the axes are laid anew
+        stage.wait(lambda: place(opened, "x") != axis)  # the axes are drawn again
         assert place(opened, "servo 0") == top
         opened.press("Reset view")
         stage.wait(lambda: place(opened, "servo 0") not in (first, top))
