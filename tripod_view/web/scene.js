@@ -185,7 +185,7 @@ class LiveView extends View {
       this.scene.add(control.getHelper());
       control.addEventListener("change", () => this.changed());
       control.addEventListener("axis-changed", ({ value: axis }) => {
-        if (!control.dragging) this.controls.enabled = !axis;
+        if (!control.dragging) this.controls.enableRotate = this.controls.enablePan = !axis; // the wheel zooms there, too
         this.canvas.style.cursor = axis ? "move" : "";
       });
       control.addEventListener("dragging-changed", ({ value: dragging }) => {
