@@ -141,18 +141,16 @@ class Newton(Descent):
     def renew(self, state: State, keep: float) -> None:
         """Factor now as a solve from `state` would begin, of the time step `keep` [s] that the system is aimed at."""
         self._kept = None
-        try:
-            self._renew(state, NewtonReport())
-        except NewtonError:
-            return  # the solve itself will say so
-        self._ahead = keep
+        if self.factor_at(state):
+            self._ahead = keep
 
-    def factor_at(self, state: State) -> None:
-        """Factor at `state`, the end of a solve whose factorisation is not kept: the next one makes its own."""
+    def factor_at(self, state: State) -> bool:
+        """Factor at `state`, and keep that for no solve; return whether it could be: the next solve says why not."""
         try:
             self._renew(state, NewtonReport())
         except NewtonError:
-            return  # the next solve will say so
+            return False
+        return True
 
     def solve(
         self, state: State, joints: FloatArray, *, keep: float | None = None, factored: bool = False
