@@ -341,7 +341,9 @@ def _errors(simulation: Simulation, errors: LargestErrors) -> dict[str, Any]:
             name: getattr(errors, name) for name in ("effector", "largest", "node", "added", "ball")
         }
     if mesh := simulation.mesh_error():
-        if not simulation.scene.inertia:  # which steps were estimated depends on the machine; the end always is
+        if (
+            not simulation.scene.inertia
+        ):  # which steps were estimated depends on the machine; the end always is
             errors = LargestErrors()
         errors.add_mesh(simulation.report, mesh)
         found["mesh_error"] = {

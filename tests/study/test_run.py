@@ -538,6 +538,8 @@ def test_what_is_wrong_in_building_names_the_file_of_the_scene(tmp_path: Path) -
 def test_a_static_run_tells_the_error_of_the_pose_that_it_tells() -> None:
     """Estimates on the way are as many as the machine is fast."""
     words = [*COARSE, *REST[:2], "clamp.stiffness=1.4e10", "mesh_error.share=1e6"]
-    error = run("tripod", duration=0.2, servo="0:0,0,0; 0.1:-0.8,-0.8,-0.8; 0.2:-0.1,-0.1,-0.1", overrides=words)
+    error = run(
+        "tripod", duration=0.2, servo="0:0,0,0; 0.1:-0.8,-0.8,-0.8; 0.2:-0.1,-0.1,-0.1", overrides=words
+    )
     found = error["mesh_error"]
     assert 0.0 < found["distance"] == found["largest"] == found["largest_with_steps"]
