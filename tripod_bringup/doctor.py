@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import which
 
 from tripod_bringup.check import Check, Verdict
 from tripod_bringup.doctor_ports import ask_device, check_ports
@@ -146,6 +147,20 @@ def check_packages(
     return Check(name, Verdict.OK, ", ".join(packages))
 
 
+PROGRAMS = {"ffmpeg": "films by --gif and --mp4", "avrdude": "tripod flash"}
+"""Programs that only some commands need, and which; Debian's packages have the same names."""
+
+
+def check_programs(find: Callable[[str], str | None] = which) -> Check:
+    """Whether the programs that some commands need are there: without one everything else works."""
+    missing = [name for name in PROGRAMS if find(name) is None]
+    if not missing:
+        return Check("programs", Verdict.OK, ", ".join(PROGRAMS))
+    needed = "; ".join(f"{name} is needed for {PROGRAMS[name]}" for name in missing)
+    advice = f"{needed}: sudo apt-get install {' '.join(missing)}"
+    return Check("programs", Verdict.OK, f"without {', '.join(missing)}", advice)
+
+
 def check_page_port(number: int = 8080) -> Check:
     """Whether the page can have its port."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
@@ -221,6 +236,7 @@ def examine(recordings: Path, *, ask: bool = False) -> list[Check]:
         check_messages(),
         check_packages("packages", SIMULATOR),
         check_packages("packages of nodes", NODES),
+        check_programs(),
         *check_ports(answer_of=ask_device if ask else None),
         check_page_port(),
         check_recordings(recordings),

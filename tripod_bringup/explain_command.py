@@ -55,7 +55,9 @@ def explain(
     costs: Annotated[
         bool, typer.Option("--costs/--no-costs", help="Measure what absent effects would cost.")
     ] = True,
-    error: Annotated[bool, typer.Option("--error", help="Estimate the error of the mesh, too.")] = False,
+    error: Annotated[
+        bool, typer.Option("--error", help="Estimate the error of the mesh instead of those costs.")
+    ] = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress note.")] = False,
 ) -> None:
@@ -95,7 +97,7 @@ def explain_command(
                 if progress:
                     progress(0.0, "solving on a finer mesh")
                 estimated = spatial_error(load_scene(scene, overrides))
-            found = explain(scene, overrides, at=at, costs=costs, progress=progress)
+            found = explain(scene, overrides, at=at, costs=costs and not error, progress=progress)
     except (SceneError, StepError) as problem:
         print("tripod explain: " + " ".join(str(problem).split()), file=sys.stderr)
         return BAD_ARGUMENTS if isinstance(problem, SceneError) else FAILED
@@ -170,7 +172,8 @@ def show(found: "Explanation") -> None:
     table = _columns("stage", "µs", "%", "calls", table=Table)
     for stage in found.stages:
         calls = "" if stage.calls is None else f"{stage.calls:.3g}"
-        table.add_row(stage.name, _micro(stage.seconds), f"{100 * stage.seconds / step.mean:.1f}", calls)
+        seconds = max(stage.seconds, 0.0)  # what is left to the last one may be less than nothing by noise
+        table.add_row(stage.name, _micro(seconds), f"{100 * seconds / step.mean:.1f}", calls)
     table.add_row("[bold]step[/]", _micro(step.mean), "100.0", "")
     console.print(table)
     say(

@@ -152,6 +152,15 @@ def test_kernel_cache_is_the_first_place_that_can_be_written(tmp_path: Path) -> 
     assert list(tmp_path.iterdir()) == [file], "looking leaves nothing behind"
 
 
+def test_programs_of_some_commands() -> None:
+    assert_names(doctor.check_programs(lambda name: f"/usr/bin/{name}").found, "ffmpeg", "avrdude")
+    found = doctor.check_programs(lambda name: None if name == "ffmpeg" else name)
+    assert found.verdict is Verdict.OK
+    assert_names(found.found, "ffmpeg")
+    assert_names(found.advice, "--gif", "--mp4", "apt-get install ffmpeg")
+    assert "avrdude" not in found.advice
+
+
 def test_speed() -> None:
     check = doctor.check_speed(lambda: 0.030)
     assert (check.name, check.verdict) == ("speed", Verdict.OK)
