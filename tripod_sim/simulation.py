@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -31,6 +31,7 @@ from tripod_sim.tables.method import Solver
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.acting_forces import ActingForces, Forces
+    from tripod_sim.applied_forces import AppliedForces
     from tripod_sim.contact.contact_solver import ContactSolver
     from tripod_sim.fields import NodalFields
     from tripod_sim.integrators.report import MeshErrorReport
@@ -115,6 +116,7 @@ class Simulation:
     """
 
     _acting: "ActingForces | None" = None
+    _applied: "AppliedForces | None" = None
     _ended = False  # whether the state is the end of a step of which what `forces` needs is kept
 
     def __init__(
@@ -375,7 +377,11 @@ class Simulation:
             self._ball.follow(self.state, self.state.ball, self.scene.dt)
             self._load_ball()
         if self._mesh_error:
-            self.report.mesh_error = self._mesh_error.follow(self.state, begin)
+            self.report.mesh_error = (
+                self._mesh_error.unknown(self.state)
+                if self.pushed
+                else self._mesh_error.follow(self.state, begin)
+            )
         if self._watches:
             self._watch()
         return self.report
@@ -476,6 +482,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Return to the start state, bit for bit."""
+        self.apply_forces({})
         self._start.copy_to(self.state)
         self._forget_rest()
         self._prepare()
@@ -512,6 +519,33 @@ class Simulation:
         self._ended = False
         if self._parts.chosen:
             self._parts.chosen.ball_starts(self.state)
+
+    def apply_forces(self, forces: Mapping[int, FloatArray]) -> None:
+        """Apply forces to nodes from the next step on, until others are given; `reset` and {} end them.
+
+        The error of the mesh is not known meanwhile. In motion `compliance` is that of the body without them.
+
+        Args:
+            forces: Force [N], shape (3,), by the number of a node of `mesh`. Vertices of rigid bodies, the last nodes,
+                are points of these.
+
+        Raises SceneError: there is no such node, or a force is not finite.
+        """
+        if self._applied is None:
+            if not forces:
+                return
+            from tripod_sim.applied_forces import AppliedForces  # noqa: PLC0415 - only where somebody pushes
+
+            self._applied = AppliedForces(self._parts, len(self.mesh.nodes))
+            if self._acting:
+                self._acting = None
+                self.keep_forces()
+        self._applied.set(forces)
+
+    @property
+    def pushed(self) -> bool:
+        """Whether forces are applied by `apply_forces`."""
+        return bool(self._applied and self._applied.acts)
 
     def rehearse(self) -> None:
         """Take every way once that steps take, so that nothing is left to compile, and return to the start state."""
@@ -860,6 +894,8 @@ class Simulation:
 
         The report of a step has the last estimate, which may be some steps old.
         """
+        if self._mesh_error and self.pushed:
+            return self._mesh_error.unknown(self.state)
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
 
 

@@ -135,6 +135,10 @@ class ExplicitSteps:
             bed.couplings if bed else none, bed.elements if bed else indices, 0.0,
         )  # fmt: skip
 
+    def take_forces(self, term: ForceTerm) -> None:
+        """Add forces, which may change from step to step."""
+        self._forces.append(term)
+
     def forget(self) -> None:
         """Measure growth and frequency again from the next step on."""
         self._start_energy = None

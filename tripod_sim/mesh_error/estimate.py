@@ -112,6 +112,7 @@ class MeshError:
         self._rest, self._simulated = mesh.nodes, simulated
         self._modal_error = self._error_in_motion(model, parts)
         self._own: State | None = None
+        self._astray = False
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
         self._loads = NodalLoads(system.rest)
         system.take(self._loads)
@@ -122,6 +123,7 @@ class MeshError:
         It goes there from where it is undeformed along with the body: whatever equilibrium that is in, it comes to the
         one beside.
         """
+        self._astray = False
         own = self._own = self._system.start_state(np.zeros_like(self._joints(state)))
         self._seen = state.copy()
         self._seen.errors = None
@@ -175,6 +177,8 @@ class MeshError:
         Returns:
             The error at its end: at rest by an estimate where one is due, else by the last one.
         """
+        if self._astray:
+            return self.start(state)
         end = time.thread_time()
         self._credit += self._share * (end - begin)
         due = self._credit >= self._cost
@@ -185,6 +189,11 @@ class MeshError:
             self._last = self._report(self._last.time)
         self._credit -= time.thread_time() - end
         return self._last
+
+    def unknown(self, state: State) -> MeshErrorReport:
+        """Return that the error at `state` is not known, as under forces that the richer mesh does not bear."""
+        self._astray = True
+        return MeshErrorReport((np.nan, np.nan, np.nan), state.time)
 
     def estimate(self, state: State, *, exactly: bool = True) -> MeshErrorReport:
         """Return the error at `state`; if not `exactly`, as far as its size asks for."""

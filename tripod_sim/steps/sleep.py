@@ -106,16 +106,16 @@ class Sleeping:
         self._now, self._before = (_Window(np.zeros((n, 3)), np.zeros(b), np.zeros(b)) for _ in range(2))
         self._x, self._joints, self._report = np.zeros((n, 3)), np.zeros(0), StepReport()
         self._loads, self._load = getattr(system, "loads", None), np.zeros(0)
-        self._wake()
+        self.wake()
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, and wake up."""
-        self._wake()
+        self.wake()
         self.integrator.forget()
 
     def prepare(self, state: State, dt: float) -> None:
         """Wake up and make the first step from `state` as fast as the others, where the time integrator can."""
-        self._wake()
+        self.wake()
         prepare = getattr(self.integrator, "prepare", None)
         if prepare:
             prepare(state, dt)
@@ -127,7 +127,8 @@ class Sleeping:
         if not self.asleep and (renew := getattr(self.integrator, "renew", None)):
             renew(state, dt)
 
-    def _wake(self) -> None:
+    def wake(self) -> None:
+        """Solve for the bodies again from the next step on."""
         self.asleep = False
         self._now.clear()
         self._before.clear()
@@ -139,7 +140,7 @@ class Sleeping:
                 state.time += dt
                 state.step += 1
                 return self._report
-            self._wake()
+            self.wake()
         report = self.integrator.step(state, joints, dt)
         self._look(state, dt)
         if self.asleep:
@@ -185,7 +186,7 @@ class Sleeping:
         kinetic, potential, size = self._energies(state)
         if not (kinetic < self._bound).all():
             if now.steps or before.steps:
-                self._wake()
+                self.wake()
             return
         np.maximum(now.most, kinetic, out=now.most)
         np.minimum(now.least, potential, out=now.least)
