@@ -44,7 +44,7 @@ ROOMS = {
     "build": ("build",),
     "mesh_error": ("mesh_error",),
     "fields": ("fields",),
-    "simulation": ("simulation", "acting_forces"),
+    "simulation": ("simulation", "acting_forces", "applied_forces"),
 }
 """The rooms of tripod_sim with their files and folders, from the lowest: a room may import those before it."""
 

@@ -14,10 +14,12 @@ from tripod_record.segments import (
     chosen_segment,
     command_rows,
     read_segments,
+    rows_of,
     segment_lines,
     simulators,
 )
-from tripod_runtime.resimulation import STAMP_ERROR, Body, Commands, Resimulation, Saved
+from tripod_runtime.input_log import APPLIED
+from tripod_runtime.resimulation import STAMP_ERROR, Applied, Body, Commands, Resimulation, Saved
 from tripod_sim.scene.file import scene_from_toml
 from tripod_sim.simulation import Simulation
 
@@ -40,13 +42,18 @@ class Session:
         """Return what makes the steps again, with a new simulation. Raises SceneError, StepError."""
         return Resimulation(Simulation(scene_from_toml(self.segment.scene)), self._commands(), self._bodies())
 
-    def _commands(self) -> Iterator[Commands | Saved]:
-        commands, checkpoint = self.namespace + names.COMMANDS, self.namespace + names.CHECKPOINT
+    def _commands(self) -> Iterator[Commands | Applied | Saved]:
+        before = (names.COMMANDS, names.CHECKPOINT, names.APPLIED_FORCES)
+        commands, checkpoint, applied = (self.namespace + name for name in before)
         first, last, number = self.segment.first, self.segment.last, 0
-        for heard in self.bag.messages({commands, checkpoint}.__contains__):
-            if heard.topic == checkpoint:
-                if first <= number <= last + 1:  # it may stand behind the commands that it precedes
+        for heard in self.bag.messages({commands, checkpoint, applied}.__contains__):
+            if heard.topic != commands:
+                if not first <= number <= last + 1:  # it may stand behind the commands that it precedes
+                    continue
+                if heard.topic == checkpoint:
                     yield Saved(bytes(self.bag.decoded(heard).data))
+                else:
+                    yield Applied(rows_of(self.bag, heard, APPLIED))
                 continue
             if first <= number <= last:
                 yield Commands(command_rows(self.bag, heard))

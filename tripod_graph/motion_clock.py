@@ -24,6 +24,7 @@ class MotionClock:
 
     Attributes:
         stalled: Whether /clock stands still, so that motions have to hold.
+        rate: How much faster than steady time it passes without `use_sim_time`.
     """
 
     def __init__(self, node: Any) -> None:
@@ -32,14 +33,14 @@ class MotionClock:
         self._time = self._steady = time.monotonic()
         self._told: int | None = None
         self._moved_at = self._steady
-        self.stalled = False
+        self.stalled, self.rate = False, 1.0
 
     def at(self, now: float) -> float:
         """Return the time of motions [s] at the steady time `now` [s], which is the present."""
         passed, self._steady = max(0.0, now - self._steady), max(now, self._steady)
         if not self._clock.ros_time_is_active:
             self._told, self.stalled = None, False
-            self._time += passed
+            self._time += self.rate * passed
             return self._time
         told = self._clock.now().nanoseconds
         step = 0.0 if self._told is None else 1e-9 * (told - self._told)

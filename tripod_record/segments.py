@@ -63,11 +63,16 @@ class _Batch:
 
 def command_rows(bag: Bag, heard: Heard) -> FloatArray:
     """Return the rows of a message with a simulator's commands, shape (n, `HEAD` + joints). Raises RecordError."""
+    return rows_of(bag, heard, HEAD)
+
+
+def rows_of(bag: Bag, heard: Heard, least: int) -> FloatArray:
+    """Return the rows of a message with numbers, shape (n, k), k at least `least`. Raises RecordError."""
     message = bag.decoded(heard)
     shape = tuple(dim.size for dim in message.layout.dim)
     rows = np.asarray(message.data, dtype=np.float64)
-    if len(shape) != 2 or shape[0] * shape[1] != len(rows) or shape[1] < HEAD:
-        raise RecordError(f"{heard.topic} contains messages that are not commands of a simulator")
+    if len(shape) != 2 or shape[0] * shape[1] != len(rows) or shape[1] < least:
+        raise RecordError(f"{heard.topic} contains messages that are not those of a simulator")
     return rows.reshape(shape)
 
 

@@ -37,6 +37,7 @@ class Introspection:
         stability_margin: The last that somebody asked for (see `stability_margin`), and when [s]; None before.
         notice: What became of the newest request; empty: nothing to say.
         standing: Tells what else is to be said where that is empty.
+        hands: Tells what pulls at the bodies, and how fast time passes, as entries of the figures.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Introspection:
         self._told: float | None = None
         self.notice = ""
         self.standing: Callable[[], str] = str
+        self.hands: Callable[[], dict[str, Any]] = dict
         self._lock = threading.Lock()
         self.reset(first)
         self._scenes = node.create_publisher(String, names.SIM_PICTURE, LATCHED)
@@ -87,7 +89,7 @@ class Introspection:
     def keep(self, snapshot: Snapshot) -> None:
         """Enter a step into the books; called in the thread of the physics."""
         with self._lock:
-            self._books.add(snapshot.energies, *self._work(snapshot), snapshot.time)
+            self._books.add(snapshot.energies, *self._work(snapshot), snapshot.time, untold=snapshot.pushed)
             self._halvings += snapshot.report.halvings
             self._latest = snapshot
             if snapshot.compliance and (soft := snapshot.compliance.stability_margin):
@@ -137,6 +139,7 @@ class Introspection:
             "event": latest.event,
             "notice": self.notice or self.standing(),
             "notes": list(self._simulation.notes),
+            **self.hands(),
         }
         table = {**figures, "lines": lines, **told}
         self._figures.publish(String(data=as_json(table)))

@@ -14,7 +14,7 @@ from tripod_msgs.msg import BodyState, Compliance
 from tripod_graph.names import SLIDE, WORLD, servo_names
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
-from tripod_runtime.input_log import HEAD
+from tripod_runtime.input_log import APPLIED, HEAD
 from tripod_runtime.notices import known
 from tripod_runtime.realtime import Snapshot
 from tripod_sim.compliance import Compliance as Linearised
@@ -135,6 +135,15 @@ def commands_message(rows: FloatArray, joints: Joints | None = None) -> Float64M
     layout = [
         MultiArrayDimension(label="runs", size=count, stride=count * width),
         MultiArrayDimension(label=columns, size=width, stride=width),
+    ]
+    return Float64MultiArray(layout=MultiArrayLayout(dim=layout), data=flat(rows))
+
+
+def applied_message(rows: FloatArray) -> Float64MultiArray:
+    """Return runs of applied forces, shape (m, 7); the labels tell rows and columns."""
+    layout = [
+        MultiArrayDimension(label="runs", size=len(rows), stride=rows.size),
+        MultiArrayDimension(label="epoch first last node fx fy fz", size=APPLIED, stride=APPLIED),
     ]
     return Float64MultiArray(layout=MultiArrayLayout(dim=layout), data=flat(rows))
 

@@ -1,5 +1,6 @@
 """The simulator as a node: parameters, conversions, one call; the physics runs in its own thread."""
 
+import math
 import sys
 import threading
 import time
@@ -98,7 +99,7 @@ class SimNode(Node):
         self._range = RangeWatch(self._limits)
         self._follower, self._fence = self._new_follower(), Fence()
         self._refused = 0
-        self._last_refusal = ""
+        self._last_refusal = self._robot_port = ""
         self._joint_topics = (
             names.SIM_JOINT_STATES,
             *([names.JOINT_STATES] if values["joint_states"] else []),
@@ -131,6 +132,7 @@ class SimNode(Node):
         self._diagnostics = Diagnostics(self, self._report)
         self._lag = self._watch_speed(values)
         self._introspection.standing = lambda: self._hot_swap.words or self._lag.advice(self._physics.speed())
+        self._introspection.hands = self._hands_told
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
@@ -204,6 +206,7 @@ class SimNode(Node):
         self._status = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
         self._rival = Rival(self, self._status)
         self._commands = self.create_publisher(Float64MultiArray, names.COMMANDS, KEPT)
+        self._applied = self.create_publisher(Float64MultiArray, names.APPLIED_FORCES, KEPT)
         self._checkpoint = self.create_publisher(UInt8MultiArray, names.CHECKPOINT, LATCHED)
         self._recorders = 0
         self._action: FollowAction | None = None
@@ -338,6 +341,10 @@ class SimNode(Node):
             self._follower.stop(self._moment(time.monotonic()))
 
     def _on_robot_status(self, message: RobotStatus) -> None:
+        self._robot_port = "" if message.port == "mock" else message.port
+        if self._robot_port and self._physics.rate not in (1.0, math.inf):
+            self._set_speed(1.0)
+            self._introspection.say(f"real time again: the robot on {self._robot_port} moves along")
         with self._lock:
             changed = self._range.hear(
                 message.lower, message.upper, message.speed, time.monotonic(), message.joint_names
@@ -385,8 +392,40 @@ class SimNode(Node):
                 self._physics.request_steps()
             case "drop":
                 self._physics.between_steps(self._drop_ball)
+            case "speed":
+                self._set_speed(request.speed)
+            case "pull" | "let_go" | "load" | "unload":
+                self._use_hands(request)
             case _:
                 self._restart_with(request)
+
+    def _set_speed(self, speed: float) -> None:
+        """Run slower or faster than real time. Raises SceneError: a robot moves along, which cannot."""
+        if speed != 1.0 and self._robot_port:
+            raise SceneError(
+                f"the robot on {self._robot_port} moves in real time, so the simulation cannot run at {speed:g} times "
+                "that; stop its driver first"
+            )
+        with self._lock:
+            self._clock_of_motion.rate = speed
+        self._physics.rate = speed
+
+    def _hands_told(self) -> dict[str, Any]:
+        """Return what figures tell of hands and speed."""
+        hands, rate = self._physics.hands, self._physics.rate
+        return {"hands": hands.words(), "stiffness": hands.stiffness, "speed": rate}
+
+    def _use_hands(self, request: Request) -> None:
+        hands, vector = self._physics.hands, np.array(request.vector)
+        match request.do:
+            case "pull":
+                hands.pull(request.who, request.vertex, vector, time.monotonic(), request.stiffness)
+            case "load":
+                hands.load(request.vertex, vector)
+            case "let_go":
+                hands.let_go(request.who)
+            case _:
+                hands.unload()
 
     def _drop_ball(self, simulation: Simulation) -> None:
         try:
@@ -451,7 +490,9 @@ class SimNode(Node):
         if recorders > self._recorders:
             self._physics.request_checkpoint()
         self._recorders = recorders
-        rows = self._physics.input_log.take()
+        rows, forces = self._physics.input_log.take()
+        if len(forces):  # first: they belong to these rows
+            self._applied.publish(messages.applied_message(forces))
         if checkpoint := self._physics.take_checkpoint():  # first: it belongs before the last of the rows
             self._checkpoint.publish(messages.checkpoint_message(checkpoint))
         if len(rows):

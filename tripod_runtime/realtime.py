@@ -14,8 +14,10 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_runtime.checkpoint import Checkpoint
+from tripod_runtime.hands import Hands
 from tripod_runtime.input_log import InputLog
 from tripod_runtime.resimulation import Ended
+from tripod_sim.acting_forces import Forces
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.report import StepReport
@@ -59,6 +61,8 @@ class Snapshot:
         ball: Pose of the ball, or None.
         event: What has become of the ball, in words; empty while nothing has.
         left_out: Rigid bodies that the last compliance leaves out; empty while nobody needs any.
+        pushed: Whether somebody applied forces in this step.
+        forces: What acts on the bodies, where somebody wants to know; empty at other times.
     """
 
     stamp: int
@@ -74,6 +78,8 @@ class Snapshot:
     ball: Pose | None = None
     event: str = ""
     left_out: tuple[int, ...] = ()
+    pushed: bool = False
+    forces: tuple[Forces, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,6 +112,8 @@ class RealTime(threading.Thread):
         activity: What the thread is doing.
         failure: Why it failed, empty if it did not.
         want_compliance: Whether anyone needs compliances now.
+        want_forces: Whether anyone needs the forces on the bodies now.
+        hands: What pulls at the bodies and loads them.
         input_log: What the steps were made with.
         ended: Whether there is nothing more to step with.
     """
@@ -149,15 +157,25 @@ class RealTime(threading.Thread):
         self._steps_wanted = 0
         self._checkpoint: Checkpoint | None = None
         self._checkpoint_wanted = self.ended = False
-        self.input_log = InputLog()
+        self.input_log, self.hands = InputLog(), Hands(simulation)
         self.activity, self.failure = Activity.RUNNING, ""
-        self.want_compliance = False
+        self.want_compliance = self.want_forces = self._pushed = False
         self.latest = self._snapshot(compliance=False)
 
     @property
     def simulation(self) -> Simulation:
         """What is stepped."""
         return self._simulation
+
+    @property
+    def rate(self) -> float:
+        """Simulated time over wall time that is aimed at; infinite: as fast as it can."""
+        return self._rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        self._rate, self._period = rate, self._simulation.scene.dt / rate
+        self._done.clear()
 
     def run(self) -> None:
         """Step until `stop`."""
@@ -214,6 +232,7 @@ class RealTime(threading.Thread):
             joints = self._command(clock.monotonic())
             if self._checkpoint_wanted:
                 self._save()
+            forces = self._apply_hands()
             start = clock.perf_counter()
             report = self._simulation.step(joints)
             self._taken.append(clock.perf_counter() - start)
@@ -221,7 +240,7 @@ class RealTime(threading.Thread):
             every = max(1, round(self.compliance_period / self._simulation.scene.dt))
             due = self.want_compliance and self._simulation.state.step % every == 0
             snapshot = self._snapshot(compliance=due)
-            self.input_log.add(snapshot.step, snapshot.stamp, joints)
+            self.input_log.add(snapshot.step, snapshot.stamp, joints, forces)
             self.latest = snapshot  # nobody sees a state without the steps to it
             if self._on_snapshot:
                 self._on_snapshot(self.latest)
@@ -238,6 +257,14 @@ class RealTime(threading.Thread):
             with self._requests:
                 self.activity = Activity.FAILED
                 self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
+
+    def _apply_hands(self) -> dict[int, FloatArray]:
+        """Let the hands work on the next step; return their forces by node [N]."""
+        forces = self.hands.forces(clock.monotonic())
+        if forces or self._pushed:  # a recording that is played applies its own
+            self._simulation.apply_forces(forces)
+        self._pushed = bool(forces)
+        return forces
 
     def _save(self) -> None:
         """Drop what is kept from earlier steps, so that from here on a copy of the state is enough to go on from."""
@@ -257,6 +284,7 @@ class RealTime(threading.Thread):
         return checkpoint
 
     def _reset(self) -> None:
+        self.hands.clear()
         self._simulation.reset()
         self._done.clear()
         self._energies_due = float("-inf")
@@ -280,6 +308,10 @@ class RealTime(threading.Thread):
                 answer = simulation.compliance()
             except StepError:
                 answer = None  # singular just here; the next one follows
+        forces: tuple[Forces, ...] = ()
+        if self.want_forces:
+            simulation.keep_forces()
+            forces = simulation.forces()
         now = clock.monotonic()
         if self.activity is not Activity.RUNNING or now >= self._energies_due:
             self._energies, self._energies_due = simulation.energies(), now + ENERGY_PERIOD
@@ -287,6 +319,7 @@ class RealTime(threading.Thread):
             self._stamp(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
             simulation.efforts.copy(), simulation.effector, answer, simulation.report, self._energies,
             simulation.ball, simulation.ball_event, simulation.left_out if self.want_compliance else (),
+            simulation.pushed, forces,
         )  # fmt: skip
 
     def speed(self) -> Speed:

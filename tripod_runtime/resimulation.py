@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_runtime.checkpoint import checkpoint_place, read_checkpoint
-from tripod_runtime.input_log import HEAD
+from tripod_runtime.input_log import APPLIED, HEAD
 from tripod_sim.errors import SceneError
 from tripod_sim.simulation import Simulation
 
@@ -22,6 +22,13 @@ class Ended(Exception):  # noqa: N818 - the end of a session is no error
 @dataclass(frozen=True)
 class Commands:
     """Runs of a `InputLog`, shape (n, 4 + joints)."""
+
+    rows: FloatArray
+
+
+@dataclass(frozen=True)
+class Applied:
+    """Runs of forces of a `InputLog`, shape (m, 7)."""
 
     rows: FloatArray
 
@@ -77,13 +84,15 @@ class Resimulation:
     """
 
     simulation: Simulation
-    commands: Iterable[Commands | Saved]
+    commands: Iterable[Commands | Applied | Saved]
     bodies: Iterable[Body]
     stamp: float = 0.0
     outcome: Outcome = field(default_factory=Outcome)
 
     def __post_init__(self) -> None:
         self._saved: dict[tuple[int, int], bytes] = {}
+        self._pushed = False
+        self._applied: dict[int, list[FloatArray]] = {}  # runs of forces by their epoch
         self._due: dict[int, Body] = {}
         self._last: tuple[int, int] = (0, -1)  # stamp and step of the body compared last
         self._coming = iter(self.bodies)
@@ -128,7 +137,9 @@ class Resimulation:
                 self.outcome.lost += last - first + 1
                 self._leave()
                 continue
-            for _ in range(first, last + 1):
+            forces = self._applied.get(epoch, [])
+            for step in range(first, last + 1):
+                self._push(step, forces)
                 yield row[HEAD:] if servos else None
             here = (epoch, last)
             self._leave()
@@ -140,6 +151,9 @@ class Resimulation:
         for item in self.commands:
             if isinstance(item, Saved):
                 self._saved[checkpoint_place(item.data)] = item.data
+                continue
+            if isinstance(item, Applied):
+                self._keep_applied(item.rows)
                 continue
             if (
                 item.rows.ndim != 2
@@ -155,6 +169,22 @@ class Resimulation:
             waiting = item.rows
         if waiting is not None:
             yield from waiting
+
+    def _keep_applied(self, rows: FloatArray) -> None:
+        if rows.ndim != 2 or rows.shape[1] != APPLIED or not np.isfinite(rows).all():
+            raise SceneError(
+                f"the recording has applied forces of shape {rows.shape}; they need {APPLIED} columns of finite numbers"
+            )
+        for row in rows:
+            self._applied.setdefault(int(row[0]), []).append(row)
+
+    def _push(self, step: int, forces: list[FloatArray]) -> None:
+        """Apply those of the runs `forces` that hold `step`; drop what is over."""
+        forces[:] = [row for row in forces if row[2] >= step]
+        acting = {int(row[3]): row[4:] for row in forces if row[1] <= step}
+        if acting or self._pushed:
+            self.simulation.apply_forces(acting)
+        self._pushed = bool(acting)
 
     def _gather(self, until: float, first: int, last: int) -> None:
         """Keep the bodies of steps `first` to `last`, of those that are stamped `until` [ns] or earlier."""

@@ -78,7 +78,7 @@ class AppliedForces(ForceTerm):
                     (int(self._owner[own]), self._vertices[own], np.array(force, dtype=float))
                 )
         if self._loop:
-            np.add(self._still, self._force, out=self._loop.load.force)
+            self._loop.load.force[:] = self._still + self._force if forces else self._still
             self._integrator.forget()  # the energy with other forces is another one
         if wake := getattr(self._stepper, "wake", None):
             wake()

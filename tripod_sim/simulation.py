@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -540,6 +541,7 @@ class Simulation:
             if self._acting:
                 self._acting = None
                 self.keep_forces()
+        self.renew()  # with the forces that acted so far, whether somebody had time for it before or not
         self._applied.set(forces)
 
     @property
@@ -687,12 +689,34 @@ class Simulation:
         """Return what computes fields on the nodes of `skin` from positions of the mesh's nodes (see `fields`)."""
         from tripod_sim.fields import NodalFields  # noqa: PLC0415 - only on request
 
-        nodes = self.mesh.nodes
-        numbers = np.repeat(np.arange(float(len(nodes)))[:, None], 3, axis=1)
-        apart = self.shown(numbers) - self.shown(
-            np.zeros_like(numbers)
-        )  # vertices keep their distance to a node
-        return NodalFields(self._system.elastic.terms, nodes, np.rint(apart[:, 0]).astype(np.int64))
+        return NodalFields(self._system.elastic.terms, self.mesh.nodes, self.owners)
+
+    @cached_property
+    def owners(self) -> NDArray[np.int64]:
+        """The node of `mesh` with which each node of `skin` moves, shape (k,)."""
+        numbers = np.repeat(np.arange(float(len(self.mesh.nodes)))[:, None], 3, axis=1)
+        apart = self.shown(numbers) - self.shown(np.zeros_like(numbers))  # they keep their distance
+        return np.rint(apart[:, 0]).astype(np.int64)
+
+    @property
+    def masses(self) -> FloatArray:
+        """Lumped masses of the nodes of soft bodies [kg], shape (n,), without those of rigid ones."""
+        return self._mass
+
+    @property
+    def total_mass(self) -> float:
+        """Of all bodies [kg]."""
+        rigid = self._parts.rigid
+        return float(self._mass.sum()) + (float(rigid.mass.sum()) if rigid else 0.0)
+
+    def rigid_softness(self, node: int) -> float | None:
+        """Return the largest acceleration of a vertex of a rigid body by 1 N there [1/kg]; None of other nodes."""
+        rigid = self._parts.rigid
+        if not rigid or (own := node - (len(self.mesh.nodes) - rigid.count)) < 0:
+            return None
+        body = int(np.searchsorted(np.cumsum(self.rigid_counts), own, side="right"))
+        arm = np.concatenate([shape.vertices for shape in rigid.shapes])[own]
+        return float(1.0 / rigid.mass[body] + arm @ arm / np.linalg.eigvalsh(rigid.inertia[body])[0])
 
     @property
     def solver(self) -> Solver:

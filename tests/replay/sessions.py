@@ -13,6 +13,7 @@ from tripod_graph import names
 from tripod_record.topic import Qos, Topic
 from tripod_record.writer import BagWriter
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_runtime.hands import Hands
 from tripod_runtime.realtime import RealTime, Snapshot
 from tripod_runtime.resimulation import Ended
 from tripod_sim.scene.file import load_scene, scene_to_toml
@@ -44,6 +45,7 @@ class Recorded:
     bodies: list[Snapshot] = field(default_factory=list)
     rows: list[np.ndarray] = field(default_factory=list)
     checkpoints: list[Checkpoint] = field(default_factory=list)
+    forces: list[tuple[np.ndarray, float]] = field(default_factory=list)
 
 
 def run_session(
@@ -55,11 +57,13 @@ def run_session(
     reset_at: int = 0,
     checkpoint_at: int = 0,
     every: int = 7,
+    hands: Callable[[Hands, int], None] = lambda hands, made: None,
 ) -> Recorded:
     """Let the physics' own thread run, as fast as it can, with joints that swing and hold at random.
 
     At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when
-    that happens is up to the machine. Every so many steps the body is kept, and the log of inputs taken.
+    that happens is up to the machine. Every so many steps the body is kept, and the log of inputs taken. `hands` is
+    called before each step with the hands and its number.
     """
     simulation = Simulation(load_scene(scene, overrides))
     found = Recorded(simulation)
@@ -75,6 +79,7 @@ def run_session(
         made = next(count)
         if made > steps:
             raise Ended
+        hands(physics.hands, made)
         if made == reset_at:
             request(lambda: physics.request_reset(60.0))
         if made == checkpoint_at:
@@ -94,7 +99,9 @@ def run_session(
             take()
 
     def take() -> None:
-        rows = physics.input_log.take()
+        rows, forces = physics.input_log.take()
+        if len(forces):
+            found.forces.append((forces, rows[-1, 3]))
         if checkpoint := physics.take_checkpoint():
             found.checkpoints.append(checkpoint)
         if len(rows):
@@ -124,6 +131,7 @@ def write_session(
         (names.SCENE, "std_msgs/msg/String"),
         (names.COMMANDS, "std_msgs/msg/Float64MultiArray"),
         (names.CHECKPOINT, "std_msgs/msg/UInt8MultiArray"),
+        (names.APPLIED_FORCES, "std_msgs/msg/Float64MultiArray"),
     ):
         text, _ = STORE.generate_msgdef(kind, ros_version=2)
         writer.add_topic(Topic(f"/{topic}", kind, text, (Qos(),)))
@@ -154,12 +162,16 @@ def _say(found: Recorded, write: Callable[[str, bytes, float], None], first: int
         data = np.frombuffer(checkpoint_bytes(checkpoint), np.uint8)
         message = T["std_msgs/msg/UInt8MultiArray"](layout=Layout(dim=[], data_offset=0), data=data)
         write(names.CHECKPOINT, STORE.serialize_cdr(message, "std_msgs/msg/UInt8MultiArray"), begin)
-    for rows in found.rows[first:]:
+    applied = [(names.APPLIED_FORCES, rows, stamp) for rows, stamp in found.forces]
+    for topic, rows, stamp in [
+        *applied,
+        *((names.COMMANDS, rows, rows[-1, 3]) for rows in found.rows[first:]),
+    ]:
         dim = [Dim(label="", size=size, stride=0) for size in rows.shape]
         message = T["std_msgs/msg/Float64MultiArray"](
             layout=Layout(dim=dim, data_offset=0), data=rows.ravel()
         )
-        write(names.COMMANDS, STORE.serialize_cdr(message, "std_msgs/msg/Float64MultiArray"), rows[-1, 3])
+        write(topic, STORE.serialize_cdr(message, "std_msgs/msg/Float64MultiArray"), stamp)
     store = get_typestore(Stores.EMPTY)
     from rosbags.typesys import get_types_from_msg
 

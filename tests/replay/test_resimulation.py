@@ -1,6 +1,7 @@
 """Recorded sessions of all scenes, made again: every body is the recorded one, bit for bit."""
 
 import io
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tests.tiers import sampled
 from tripod_bringup.bag_session import Session, read_sessions
 from tripod_record.bag import Bag
 from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
+from tripod_runtime.hands import Hands
 from tripod_runtime.input_log import InputLog
 from tripod_runtime.resimulation import Body, Commands, Ended, Outcome, Resimulation, Saved
 from tripod_sim.errors import SceneError
@@ -66,6 +68,53 @@ def test_a_session_made_again_is_the_recorded_one(
     assert outcome.different == 0, outcome.parted
     assert (outcome.steps, outcome.lost, outcome.unknown) == (steps, 0, 0)
     assert outcome.equal == len(found.bodies)
+
+
+PUSHED = [
+    ("tripod", ("mesh.level=1",)),
+    ("cloth", ()),
+    ("drape", ()),
+    ("bounce", ()),
+    ("pendulum", ("dt=auto",)),
+    ("tripod", ("mesh.level=1", "inertia=off", "damping=off")),
+    ("silicone", ("inertia.scheme=bdf2", "mesh.level=1")),
+]
+
+
+@pytest.mark.parametrize(
+    ("scene", "overrides"), PUSHED, ids=lambda v: v if isinstance(v, str) else "-".join(v)
+)
+def test_a_session_with_hands_is_made_again_bit_for_bit(
+    scene: str, overrides: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Pulled, loaded, reset and saved while that acts."""
+    steps = 24 if scene in SLOW else 60
+    rng = np.random.default_rng(3)
+    pulled = 0
+
+    def work(hands: Hands, made: int) -> None:
+        nonlocal pulled
+        nodes, owners = hands._simulation.mesh.nodes, hands._simulation.owners
+        third, last = int(np.argmax(owners == 3)), int(np.argmax(owners == len(nodes) - 1))
+        if made % 10 in range(2, 8):
+            hands.pull(1, third, nodes[3] + 0.02 * rng.normal(size=3), time.monotonic())
+            pulled += 1
+        elif made % 10 == 8:
+            hands.let_go(1)
+        if made % 15 == 4:
+            hands.load(last, np.array([0.01, 0.0, 0.02 * (made % 2)]))
+
+    at = {"reset_at": steps // 3, "checkpoint_at": 2 * steps // 3, "every": 3}
+    found = run_session(scene, overrides, steps=steps, seed=1, hands=work, **at)
+    assert pulled and found.forces
+    outcome = made_again(session_of(Bag(write_session(found, tmp_path / "whole"))).resimulation())
+    assert outcome.different == 0, outcome.parted
+    assert (outcome.steps, outcome.lost, outcome.unknown) == (steps, 0, 0)
+    late = session_of(Bag(write_session(found, tmp_path / "late", first=len(found.rows) // 2)))
+    assert made_again(late.resimulation()).different == 0
+    found.forces.clear()
+    without = session_of(Bag(write_session(found, tmp_path / "without")))
+    assert made_again(without.resimulation()).different > 0
 
 
 def test_a_recording_that_begins_late_is_made_again_from_its_first_reset_or_checkpoint(
@@ -180,7 +229,7 @@ def test_a_session_with_a_cable_is_made_again_bit_for_bit() -> None:
         simulation.step(joints)
         log.add(step, 5_000_000 * step, joints)
         bodies.append(Body(5_000_000 * step, step, simulation.shown(simulation.positions).copy()))
-    again = Resimulation(Simulation(scene), [Commands(log.take())], bodies)
+    again = Resimulation(Simulation(scene), [Commands(log.take()[0])], bodies)
     with pytest.raises(Ended):
         while True:
             again.simulation.step(again.joints())

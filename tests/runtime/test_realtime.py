@@ -29,7 +29,7 @@ class FakeSimulation:
         self.during = during
         self.effector, self.report = None, StepReport()
         self.ball, self.ball_event, self.left_out = None, "", tuple[int, ...]()
-        self.efforts = np.zeros(3)
+        self.efforts, self.pushed = np.zeros(3), False
         self.state = SimpleNamespace(positions=np.zeros((3, 3)), joints=np.zeros(4), step=0, time=0.0)
         self.singular = False
         self.renewed = 0

@@ -29,8 +29,8 @@ class Balance:
         work: Of the servos on the body since the books were opened.
         unsure: What that may differ by (see `EnergyBooks`).
         lost: To damping, friction and the time steps since then, E_0 + work - E: negative if energy came from nothing.
-        since: Simulated time at which the books were opened [s]: the start, or when the slide moved last, whose work
-            is not known.
+        since: Simulated time at which the books were opened [s]: the start, or when the slide moved last or a hand
+            pulled, whose work is not known.
         moved: The largest of the work, the kinetic energy and the changes of the others since then.
         grew: Whether energy came from nothing, beyond `SWAY` of all that moved, `ROUNDING` of all there is, `unsure`
             and `TINY`.
@@ -68,15 +68,23 @@ class EnergyBooks:
         self._rise = np.zeros_like(torques)
         self._known_work, self._unknown = 0.0, False
 
-    def add(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
-        """Enter the state at `time` [s], after one more step.
+    def add(
+        self,
+        energies: Energies,
+        joints: FloatArray,
+        torques: FloatArray,
+        time: float,
+        *,
+        untold: bool = False,
+    ) -> None:
+        """Enter the state at `time` [s], after one more step; `untold`: something else did work that nobody knows.
 
         Where `energies` is the object that came with an earlier step, they are not known: the work goes on, and the
         balance is that of the earlier step; books that would have to be opened wait for them.
         """
         unknown = energies is self._energies
         s = len(torques)
-        if np.abs(joints[s:] - self._joints[s:]).max() > STILL or (self._unknown and not unknown):
+        if untold or np.abs(joints[s:] - self._joints[s:]).max() > STILL or (self._unknown and not unknown):
             self._open(energies, joints, torques, time)
             self._unknown = unknown
             return
