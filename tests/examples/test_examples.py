@@ -152,6 +152,54 @@ def test_the_target_is_reached_and_the_example_ends(domain: int) -> None:
 
 
 @pytest.mark.ros
+def test_what_was_reached_before_is_not_the_target(domain: int) -> None:
+    """While nothing is solved the status has the numbers of the last solve."""
+    import rclpy
+    from geometry_msgs.msg import Point
+    from tripod_msgs.msg import IkStatus
+
+    from tripod_graph import names
+    from tripod_graph.qos import RELIABLE
+
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node("ik", context=context, namespace="/before")
+    statuses = node.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
+    words = [
+        sys.executable,
+        str(EXAMPLES / "target.py"),
+        "0.001",
+        "0",
+        "-0.001",
+        "--ros-args",
+        "-r",
+        "__ns:=/before",
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    example = subprocess.Popen(words, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
+    status = IkStatus(state=IkStatus.IDLE, target=Point(x=0.001, y=0.0, z=-0.001), error=4e-5)
+    try:
+        began = time.monotonic()
+        while example.poll() is None and time.monotonic() - began < 300:
+            heard = statuses.get_subscription_count() > 0
+            status.state = (
+                IkStatus.IDLE if status.state == IkStatus.TRACKING or not heard else IkStatus.TRACKING
+            )
+            status.error = 4e-5 if status.state == IkStatus.IDLE or time.monotonic() - began > 10 else 2e-3
+            statuses.publish(status)
+            time.sleep(0.1)
+        told, _ = example.communicate(timeout=60)
+        distances = [float(value) for value in re.findall(r"^(\S+) mm from", told, re.M)]
+        assert distances[0] == 2.0
+        assert distances[-1] == 0.04
+        assert 0.04 not in distances[:-1]
+    finally:
+        example.kill()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+@pytest.mark.ros
 @pytest.mark.parametrize("homed", [True, False])
 def test_winches_are_homed_and_the_answer_is_told(domain: int, *, homed: bool) -> None:
     import rclpy
