@@ -60,6 +60,7 @@ class _Hand:
     grip: _Grip
     vertex: int
     stiffness: float
+    hold: FloatArray
     target: FloatArray
     until: float
     force: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -112,7 +113,7 @@ class Hands:
             if hand is None or hand.vertex != vertex:
                 if hand is None and len(self._hands) >= MOST:
                     raise SceneError(f"{MOST} hands pull already; let one go")
-                hand = self._hands[who] = _Hand(self._grip(vertex), vertex, k, place, now)
+                hand = self._hands[who] = _Hand(self._grip(vertex), vertex, k, place, place, now)
             hand.target, hand.until, hand.stiffness = place, now + PATIENCE, k
 
     def let_go(self, who: int) -> None:
@@ -197,7 +198,7 @@ class Hands:
         grip, k = hand.grip, hand.stiffness
         x = grip.weights @ self._simulation.positions[grip.nodes]
         if hand.off is None:
-            hand.off = hand.target - x
+            hand.off = hand.hold - x
         way = hand.target - hand.off - x
         far = float(np.linalg.norm(way)) / (FURTHEST * self._size)
         way /= max(1.0, far)
