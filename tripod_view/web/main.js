@@ -5,6 +5,7 @@ import { element, place } from "./dom.js";
 import { controls } from "./controls.js";
 import { cards } from "./cards.js";
 import { keys } from "./keys.js";
+import { tellPicked } from "./picked.js";
 import { plots } from "./plots.js";
 import { replay } from "./replay.js";
 import { scene } from "./scene.js";
@@ -15,8 +16,10 @@ const panel = element("aside", { id: "panel", "aria-label": "Controls" });
 const stop = element("button", { id: "stop", title: "All commands off: the robot holds, then moves to its park pose (Space, Esc)" }, "STOP");
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
-place(panel, [status(), controls(), replay(), cards(), plots()]);
-place(document.body, [panel, stop, start(), scene() ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
+const view = scene(), { card, plotNode } = plots(view);
+place(panel, [status(), controls(), replay(), cards(), card]);
+if (view) tellPicked(view, plotNode);
+place(document.body, [panel, stop, start(), view ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
 keys();
 
 // What a scene has decides which controls there are: classes of the body, which the style sheet heeds.
