@@ -31,6 +31,7 @@ export function tellPicked(view, plotNode) {
   onPick(view, show);
   plot.addEventListener("click", () => plotNode({ name: hit.body, part: hit.part, node: hit.node }));
   copy.addEventListener("click", () => {
+    if (!text.hidden) { text.hidden = true; return; }
     const { rest } = view.vertex(hit.part, hit.node), edge = view.edge(hit.part, hit.node);
     text.textContent = `[[set]]\nname = "node_${hit.node}"\ncentre = [${short(rest)}]\nradius = ${Number((SMALL * edge).toPrecision(2))}`;
     text.hidden = false;

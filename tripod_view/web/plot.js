@@ -69,7 +69,7 @@ class Plot {
   }
 
   draw(time) {
-    const { record, canvas } = this, ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const { record, canvas } = this, ratio = clamp(window.devicePixelRatio || 1, 1, 2);
     const width = canvas.clientWidth, height = canvas.clientHeight, pen = canvas.getContext("2d");
     if (!width || !record.length) return;
     canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
