@@ -120,7 +120,7 @@ class Plot {
       const name = document.createElement("b"), v = s.at(i);
       name.style.color = COLOURS[c % COLOURS.length];
       name.textContent = `${s.name} `;
-      return [name, `${Number.isFinite(v) ? ticked(v, (high - low) / 100) : "–"}  `];
+      return [name, `${Number.isFinite(v) ? String(Number(v.toPrecision(4))) : "–"}  `];
     }));
   }
 }
