@@ -4,6 +4,7 @@ import { listen, send } from "./channel.js";
 import { element, place } from "./dom.js";
 import { controls } from "./controls.js";
 import { cards } from "./cards.js";
+import { hands } from "./hands.js";
 import { keys } from "./keys.js";
 import { tellPicked } from "./picked.js";
 import { plots } from "./plots.js";
@@ -17,7 +18,7 @@ const stop = element("button", { id: "stop", title: "All commands off: the robot
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
 const view = scene(), { card, plotNode } = plots(view);
-place(panel, [status(), controls(), replay(), cards(), card]);
+place(panel, [status(), controls(), hands(view), replay(), cards(), card]);
 if (view) tellPicked(view, plotNode);
 place(document.body, [panel, stop, start(), view ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
 keys();

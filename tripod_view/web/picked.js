@@ -13,9 +13,9 @@ export function tellPicked(view, plotNode) {
   function tell() {
     const place = hit && view.vertex(hit.part, hit.node);
     if (!place) { show(null); return; }
-    const moved = place.rest ? `; moved ${length(Math.hypot(...place.point.map((v, a) => v - place.rest[a])))}` : "";
-    told.textContent = `${hit.body}, node ${hit.node} at [${short(place.point)}] m${moved}`;
-    copy.hidden = !place.rest;
+    const rest = view.rest(hit.part, hit.node), moved = rest ? `; moved ${length(Math.hypot(...place.map((v, a) => v - rest[a])))}` : "";
+    told.textContent = `${hit.body}, node ${hit.node} at [${short(place)}] m${moved}`;
+    copy.hidden = !rest;
   }
 
   function show(found) {
@@ -32,7 +32,7 @@ export function tellPicked(view, plotNode) {
   plot.addEventListener("click", () => plotNode({ name: hit.body, part: hit.part, node: hit.node }));
   copy.addEventListener("click", () => {
     if (!text.hidden) { text.hidden = true; return; }
-    const { rest } = view.vertex(hit.part, hit.node), edge = view.edge(hit.part, hit.node);
+    const rest = view.rest(hit.part, hit.node), edge = view.edge(hit.part, hit.node);
     text.textContent = `[[set]]\nname = "node_${hit.node}"\ncentre = [${short(rest)}]\nradius = ${Number((SMALL * edge).toPrecision(2))}`;
     text.hidden = false;
     getSelection().selectAllChildren(text);

@@ -39,9 +39,9 @@ function quantities(view) {
   add("halvings", "steps halved", "", figures?.halvings);
   add("stability margin", "least", "", figures?.stability_margin?.[0]);
   for (const { name, part, node } of picked) {
-    const title = `${name}, node ${node}`, place = view?.vertex(part, node);
-    AXES.forEach((axis, a) => add(title, axis, "mm", place?.point[a], 1e3));
-    if (place?.rest) add(`${title}, moved`, "displacement", "mm", Math.hypot(...place.point.map((v, a) => v - place.rest[a])), 1e3);
+    const title = `${name}, node ${node}`, place = view.vertex(part, node), rest = place && view.rest(part, node);
+    AXES.forEach((axis, a) => add(title, axis, "mm", place?.[a], 1e3));
+    if (rest) add(`${title}, moved`, "displacement", "mm", Math.hypot(...place.map((v, a) => v - rest[a])), 1e3);
   }
   return found;
 }

@@ -254,13 +254,10 @@ class LiveView extends View {
       .map(({ number, name, first, body, geometry }) => ({ part: number, name, first, mesh: body, geometry }));
   }
 
-  // Where a node of a body is [m], and was in the undeformed body, unless it is rigid; null: there is none.
-  vertex(part, node) {
-    const { geometry, group, undeformed } = this.all.get(part) ?? {}, { position } = geometry?.attributes ?? {};
-    if (!(node < position?.count)) return null;
-    const at = (from) => new THREE.Vector3().fromBufferAttribute(from, node);
-    const point = at(position).applyMatrix4(group.matrixWorld).toArray().map((v, a) => v + this.origin[a]);
-    return { point, rest: undeformed && at(undeformed).toArray() };
+  // Where a node of a soft body is in the undeformed body [m], or null.
+  rest(part, node) {
+    const { undeformed } = this.all.get(part) ?? {};
+    return node < undeformed?.count ? [undeformed.getX(node), undeformed.getY(node), undeformed.getZ(node)] : null;
   }
 
   // Length of the shortest edge at a node of a soft body, undeformed [m].

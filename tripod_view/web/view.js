@@ -331,7 +331,16 @@ class View {
     // what is above the floor falls onto it along the light
     this.shadows.matrix.set(1, 0, -0.6 * slide, 0.6 * slide * z, 0, 1, 0.3 * slide, -0.3 * slide * z, 0, 0, 0, z, 0, 0, 0, 1);
     this.shadows.visible = camera.position.z > z;
+    this.before?.();
     this.renderer.render(this.scene, camera);
+  }
+
+  // Where vertex `node` of a part is [m], or null.
+  vertex(part, node) {
+    const target = this.targets().find((one) => one.part === part);
+    if (!target || node >= target.geometry.attributes.position.count) return null;
+    const place = new THREE.Vector3().fromBufferAttribute(target.geometry.attributes.position, node);
+    return place.applyMatrix4(target.mesh.matrixWorld).toArray().map((v, a) => v + this.origin[a]);
   }
 
   // What can be picked: meshes, each with the `name` of its body and the number `first` of its first vertex.
