@@ -145,7 +145,6 @@ class Recording:
         there = {*shapes, *self._still, "event_times"}
         if forces:
             self._forces = RecordedForces(simulation, steps, MOST_BYTES - size)
-            self._still |= self._forces.still
             there |= {"force_points", "force_vectors"}
         self._still["units"] = np.array(json.dumps({n: unit for n, unit in UNITS.items() if n in there}))
         self._events: list[tuple[float, str]] = []
@@ -210,32 +209,25 @@ class Recording:
 
 
 class RecordedForces:
-    """The forces on the bodies in each step of a run: as many as there are then.
-
-    Attributes:
-        still: Arrays that stay the same.
-    """
+    """The forces on the bodies in each step of a run: as many as there are then."""
 
     def __init__(self, simulation: Simulation, steps: int, most: float) -> None:
         """`steps`: the most that it takes; `most`: bytes."""
         from tripod_sim.acting_forces import UNITS  # noqa: PLC0415 - only on request
 
         simulation.keep_forces()
-        self._names, self._most = simulation.force_groups, most
-        units = [UNITS[name] for name in self._names]
-        self.still = {
-            "force_names": np.array(self._names, dtype=str),
-            "force_units": np.array(units, dtype=str),
-        }
-        self._counts: IndexArray = np.zeros((steps, len(self._names)), dtype=np.int64)
+        self._units, self._most = UNITS, most
+        self._there = set(simulation.force_groups)
+        self._counts: IndexArray = np.zeros((steps, len(UNITS)), dtype=np.int64)
         self._ends: IndexArray = np.zeros(steps + 1, dtype=np.int64)
         self._rows: FloatArray = np.zeros((256, 6))
 
     def add(self, simulation: Simulation, k: int) -> None:
         """Add those of step `k`. Raises SceneError where they need too much memory."""
         groups, end = simulation.forces(), int(self._ends[k])
-        for g, group in enumerate(groups):
-            count = self._counts[k, g] = len(group.points)
+        self._there.update(simulation.force_groups)  # there are more as soon as somebody applies some
+        for group in groups:
+            count = self._counts[k, list(self._units).index(group.name)] = len(group.points)
             if end + count > len(self._rows):
                 room = 2 * (end + count)
                 if 48.0 * room > self._most:
@@ -251,8 +243,12 @@ class RecordedForces:
     def arrays(self, first: int, end: int) -> dict[str, Any]:
         """Return those of the steps from `first` to before `end`."""
         rows = self._rows[self._ends[first] : self._ends[end]]
+        there = [g for g, name in enumerate(self._units) if name in self._there]
+        names = [name for name in self._units if name in self._there]
         return {
-            "force_counts": self._counts[first:end],
+            "force_names": np.array(names, dtype=str),
+            "force_units": np.array([self._units[name] for name in names], dtype=str),
+            "force_counts": self._counts[first:end, there],
             "force_points": rows[:, :3],
             "force_vectors": rows[:, 3:],
         }
