@@ -923,6 +923,19 @@ class Simulation:
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
 
 
+    def mesh_error_field(self) -> FloatArray | None:
+        """Return the error of the mesh at each node of `skin` by the last estimate [m], shape (k,); None without any.
+
+        It is how far the node is from where the richer mesh at rest under the same forces has it; NaN where that is not
+        known, as on other bodies than the first. Nothing is solved for it. The estimate may be some steps old.
+        """
+        if not self._mesh_error:
+            return None
+        found, first = np.full(len(self.mesh.nodes), np.nan), self._mesh_error.field()
+        found[: len(first)] = first
+        return found[self.owners]
+
+
 def joint_values(joints: FloatArray, count: int) -> FloatArray:
     """Return a copy of angles and slide, shape (count,). Raises SceneError: another shape, or not finite numbers."""
     try:
