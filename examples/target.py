@@ -43,6 +43,8 @@ def tell(status: IkStatus) -> None:
     """Say how far the effector is from this target, until it is there."""
     if max(abs(status.target.x - x), abs(status.target.y - y), abs(status.target.z - z)) > 1e-9:
         return  # another one
+    if status.state not in (IkStatus.TRACKING, IkStatus.CLOSEST, IkStatus.SEARCHING):
+        return  # nothing is solved now: the numbers are those of before
     print(f"{1e3 * status.error:.2f} mm from the target", status.message)
     if status.error < 1e-4:
         raise SystemExit

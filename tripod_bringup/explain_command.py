@@ -197,13 +197,14 @@ def error_lines(found: "SpatialError") -> list[str]:
     """Return the estimated error of a mesh for people: exact minus computed, in the static state at the start."""
     lines = [
         f"error of the mesh, estimated by one twice as fine ({found.unknowns[0]} and {found.unknowns[1]} unknowns), "
-        "in the static state at the start:"
+        "in the pose of rest that the start leads to:"
     ]
     if found.effector is not None and found.position is not None:
         lines.append(
             f"  effector  {_three(found.effector, 1e3)} mm, computed {_three(found.position, 1e3)} mm"
         )
-    lines.append(f"  largest   {1e3 * found.largest:.3g} mm, at node {found.node}")
+    most = f" of a displacement of up to {1e3 * found.moved:.3g} mm"
+    lines.append(f"  largest   {1e3 * found.largest:.3g} mm, at node {found.node},{most}")
     lines.append(
         f"  strain energy  {1e3 * found.strain:.3g} mJ, computed {1e3 * found.strain_computed:.4g} mJ"
     )

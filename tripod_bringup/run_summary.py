@@ -10,6 +10,9 @@ from typing import Any
 REST = 1e-6
 """Kinetic energy below this share of the other energies is that of a body at rest."""
 
+BEYOND = "time_error.accuracy"
+"""A note that begins so says that the error of the steps is no longer known."""
+
 SMALL = 1e-3
 """Displacement that is not told from none [mm]."""
 
@@ -76,7 +79,8 @@ def _error(result: Mapping[str, Any], *, own_motion: bool) -> str:
     if measured is not None:
         file = result.get("study") or "the accuracy study of this scene"
         yours = "; your motion is another one" if own_motion else ""
-        of = f": {figures['quantity']}" if figures.get("quantity") else ""
+        quantity = str(figures.get("quantity") or "").replace("; ", ", and ")
+        of = f", of: {quantity}" if quantity else ""
         size = f" of {1e3 * figures['size']:.3g} mm" if figures.get("size") else ""
         words.append(f"about {_digits(100 * measured)} %{size} (measured in {file}{of}{yours})")
     if error := result.get("mesh_error"):
@@ -244,8 +248,10 @@ def _time_error(error: Mapping[str, Any]) -> str:
 
 
 def _too_large(error: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """Return what it means that the estimated error is larger than the motion; empty where it is not, or not shown."""
+    """Return what is wrong with an estimated error, such as that it is larger than the motion; empty: nothing."""
     least = max(result["displacement"]["largest"], 1e-3 * SMALL)
+    if any(str(note).startswith(BEYOND) for note in result.get("notes", ())):
+        return ", which may be far too small here: see the note"
     if error["node"] < 0 or not error["largest"] > least:
         return ""
     return ", which is more than the whole motion: dt is too large, or the estimate fails here; compare with half of dt"

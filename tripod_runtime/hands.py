@@ -4,7 +4,7 @@ A hand of stiffness k at a pulls the mean x_p = sum_i w_i x_i of nodes near a ve
 constant in a step and found from the state before. In motion, with C = h² sum_i w_i² / m_i, by how much a force of 1 N
 moves x_p within a step of h without what else holds it,
 
-    f = k (a - x_p - d) / (1 + k C),    d: the way of x_p in the last step,
+    f = k (a - x_p - d) / (1 + k C),    d: the way of x_p in the last step,    a = x_p at first,
 
 which is the spring at the end of a step of free nodes: neither k nor h makes it unstable. In statics f goes to
 k (a - x_p) by steps that are as long as the last one was answered softly (a secant).
@@ -60,11 +60,13 @@ class _Hand:
     grip: _Grip
     vertex: int
     stiffness: float
+    hold: FloatArray
     target: FloatArray
     until: float
     force: FloatArray = field(default_factory=lambda: np.zeros(3))
     before: FloatArray = field(default_factory=lambda: np.zeros(3))
     seen: FloatArray | None = None
+    off: FloatArray | None = None
 
 
 class Hands:
@@ -96,7 +98,9 @@ class Hands:
     def pull(
         self, who: int, vertex: int, target: FloatArray, now: float, stiffness: float | None = None
     ) -> None:
-        """Pull a vertex of the skin to `target` [m]: `who` does, from `now` [s] on, and has to repeat it.
+        """Pull at a vertex of the skin: `who` does, at `now` [s], and has to repeat it.
+
+        Where a hand takes hold it says at first, `target` [m] in world; later where that place is to go.
 
         Raises SceneError: what is no vertex, place or stiffness, or more than `MOST` hands.
         """
@@ -109,7 +113,7 @@ class Hands:
             if hand is None or hand.vertex != vertex:
                 if hand is None and len(self._hands) >= MOST:
                     raise SceneError(f"{MOST} hands pull already; let one go")
-                hand = self._hands[who] = _Hand(self._grip(vertex), vertex, k, place, now)
+                hand = self._hands[who] = _Hand(self._grip(vertex), vertex, k, place, place, now)
             hand.target, hand.until, hand.stiffness = place, now + PATIENCE, k
 
     def let_go(self, who: int) -> None:
@@ -193,7 +197,9 @@ class Hands:
         """Return the force of a hand in the next step [N]."""
         grip, k = hand.grip, hand.stiffness
         x = grip.weights @ self._simulation.positions[grip.nodes]
-        way = hand.target - x
+        if hand.off is None:
+            hand.off = hand.hold - x
+        way = hand.target - hand.off - x
         far = float(np.linalg.norm(way)) / (FURTHEST * self._size)
         way /= max(1.0, far)
         if self._moves:

@@ -39,6 +39,7 @@ class SpatialError:
         strain_computed: Computed strain energy [J].
         efforts_computed: Computed torques [N m], shape (s,).
         unknowns: Of the mesh, and of that with every edge halved.
+        moved: Largest computed displacement of a node from the undeformed shape [m].
     """
 
     effector: FloatArray | None
@@ -50,6 +51,7 @@ class SpatialError:
     strain_computed: float
     efforts_computed: FloatArray
     unknowns: tuple[int, int]
+    moved: float
 
 
 def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialError:
@@ -103,6 +105,7 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         strain_computed=energies[0],
         efforts_computed=coarse.efforts.copy(),
         unknowns=(coarse.unknowns, fine.unknowns),
+        moved=float(np.linalg.norm(coarse.positions - coarse.mesh.nodes, axis=1).max()),
     )
 
 

@@ -91,7 +91,8 @@ class Bodies:
         inside = ((surface.triangles >= first) & (surface.triangles < end)).all(axis=1)
         triangles = surface.triangles[inside] - first
         nodes = surface.nodes[first:end]
-        return self._drawing.mesh(f"/bodies/{number}", nodes, triangles, colour, deforms=True)
+        more = {"deforms": True, "name": part.name, "first": first}
+        return self._drawing.mesh(f"/bodies/{number}", nodes, triangles, colour, **more)
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""

@@ -100,6 +100,7 @@ class Drawing:
         - `group`: `axes`, length of the axes that are drawn [m], 0 for none;
         - `mesh`: `vertices`, shape (n, 3); `triangles`, shape (m, 3); `colour`; `deforms`: whether its vertices will
           move; `through`: whether it is seen through others, faintly; `fits`: whether the camera is fitted to it;
+          of a body that can be picked `name` and `first`, the number of its first vertex among those of all;
         - `lines`: `vertices`, shape (2 n, 3), ends of pieces; `colour`;
         - `points`: `vertices`, shape (n, 3); `colour`; `size` [m];
         - `label`: `text`;
@@ -126,7 +127,7 @@ class Drawing:
         triangles: NDArray[Any],
         colour: Rgb,
         pose: Pose | None = None,
-        **more: bool,
+        **more: Any,
     ) -> Node:
         """Add a mesh; see `add`."""
         shape = {"vertices": vertices.astype(np.float32), "triangles": triangles.astype(np.uint32)}

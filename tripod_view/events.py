@@ -33,7 +33,7 @@ MOST_SERVOS = 64
 LONGEST = 1000
 """Of a message of a browser [characters]; a longer one is refused unread."""
 
-WISHES = ("reset", "pause", "run", "step", "drop", "as_shipped")
+WISHES = ("reset", "pause", "run", "step", "drop", "unload", "as_shipped")
 """What is asked of the simulator by one word."""
 
 
@@ -79,6 +79,13 @@ class Wish:
     """Something is asked of the simulator: the text of a `sim/request`."""
 
     text: str
+
+
+@dataclass(frozen=True)
+class Pull(Wish):
+    """A wish that a body is pulled: the newest of hand `who` counts."""
+
+    who: int
 
 
 @dataclass(frozen=True)
@@ -149,9 +156,14 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
 
     {"press": "STOP"}, {"servo": 1, "degrees": -30}, {"joint": 1, "value": 12.5}, {"slide": 35}, {"keys": [0, 1, -1]},
     {"sim": "reset"},
+    {"pull": {"who": 7, "vertex": 3, "to": [x, y, z], "stiffness": 50}}, {"let_go": 7}, {"speed": 0.5},
+    {"load": {"vertex": 3, "force": [x, y, z]}}, in m and N,
     {"effect": "sleep", "on": true}, {"accuracy": "5%"}, {"replay": 12.5, "running": true}, {"replay": null}
     """
-    match _table(text):
+    table = _table(text)
+    if wish := _wish_of(table):
+        return wish
+    match table:
         case {"press": str(name)} if name in {b.value for b in Button}:
             return Pressed(Button(name))
         case {"servo": servo, "degrees": degrees} if type(servo) is int and 0 <= servo < MOST_SERVOS:
@@ -164,17 +176,35 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
             type(k) is int and abs(k) <= 1 for k in signs
         ):
             return KeysHeld(tuple(signs))
-        case {"sim": str(word)} if word in WISHES:
-            return Wish(json.dumps({"do": word}))
-        case {"effect": str(effect), "on": bool(on)}:
-            return Wish(json.dumps({"effect": effect, "on": on}))
-        case {"accuracy": str(accuracy)}:
-            return Wish(json.dumps({"accuracy": accuracy}))
         case {"replay": None}:
             return Replayed(None)
         case {"replay": age, "running": bool(running)}:
             return Replayed(_number("replay", age), running)
     raise EventError(f"{text!r:.60} is not a known action")
+
+
+def _wish_of(table: Any) -> Wish | None:  # noqa: PLR0911 - one for each kind
+    """Return what is asked of the simulator; None: it is something else. Raises EventError."""
+    match table:
+        case {"sim": str(word)} if word in WISHES:
+            return Wish(json.dumps({"do": word}))
+        case {"pull": {"who": who, "vertex": vertex, "to": [x, y, z], "stiffness": k}}:
+            hand, to = _count("who", who), _three("to", x, y, z)
+            pull = {"who": hand, "vertex": _count("vertex", vertex), "to": to}
+            more = {} if k is None else {"stiffness": _number("stiffness", k)}
+            return Pull(json.dumps({"pull": pull | more}), hand)
+        case {"let_go": who}:
+            return Wish(json.dumps({"let_go": _count("let_go", who)}))
+        case {"load": {"vertex": vertex, "force": [x, y, z]}}:
+            load = {"vertex": _count("vertex", vertex), "force": _three("force", x, y, z)}
+            return Wish(json.dumps({"load": load}))
+        case {"speed": speed}:
+            return Wish(json.dumps({"speed": _number("speed", speed)}))
+        case {"effect": str(effect), "on": bool(on)}:
+            return Wish(json.dumps({"effect": effect, "on": on}))
+        case {"accuracy": str(accuracy)}:
+            return Wish(json.dumps({"accuracy": accuracy}))
+    return None
 
 
 def hand_of(text: str | bytes, client: int) -> Grabbed | Dragged | Dropped | Took:
@@ -205,6 +235,16 @@ def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e12:  # NaN, too
         raise EventError(f"{name} is {value!r:.40}; it must be a finite number")
     return float(value)
+
+
+def _count(name: str, value: Any) -> int:
+    if type(value) is not int or not 0 <= value < 2**31:
+        raise EventError(f"{name} is {value!r:.40}; it must be a whole number")
+    return value
+
+
+def _three(name: str, *values: Any) -> list[float]:
+    return [_number(name, value) for value in values]
 
 
 class Inbox:
@@ -250,6 +290,8 @@ def _supersedes(new: Event, old: Event) -> bool:
         return new == old
     if isinstance(new, Dragged) and isinstance(old, Dragged):
         return new.client == old.client
+    if isinstance(new, Pull) and isinstance(old, Pull):
+        return new.who == old.who
     if isinstance(new, SliderMoved) and isinstance(old, SliderMoved):
         return new.servo == old.servo
     if isinstance(new, JointMoved) and isinstance(old, JointMoved):

@@ -154,3 +154,11 @@ def test_an_estimated_error_beyond_the_motion_says_so(largest: float, *, warned:
     text = run_summary._error(result | {"figures": measured}, own_motion=False)
     assert_names(text, "13 %", "ends of the strips", "node 3", f"{1e3 * largest:.2g} mm")
     assert names(text, "estimate fails", "half of dt") == warned
+
+
+def test_an_estimate_that_is_not_promised_any_longer_says_so() -> None:
+    error = {"effector": math.nan, "largest": 0.001, "node": 3, "added": 0}
+    result = {"time_error": error, "displacement": {"largest": 0.094}}
+    note = "time_error.accuracy = 0.05 is not promised any longer: a point has gone far"
+    assert_names(run_summary._error(result | {"notes": [note]}, own_motion=False), "too small", "note")
+    assert not names(run_summary._error(result | {"notes": ["another"]}, own_motion=False), "too small")

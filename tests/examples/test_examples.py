@@ -152,6 +152,52 @@ def test_the_target_is_reached_and_the_example_ends(domain: int) -> None:
 
 
 @pytest.mark.ros
+def test_what_was_reached_before_is_not_the_target(domain: int) -> None:
+    """While nothing is solved the status has the numbers of the last solve."""
+    import rclpy
+    from geometry_msgs.msg import Point
+    from tripod_msgs.msg import IkStatus
+
+    from tripod_graph import names
+    from tripod_graph.qos import RELIABLE
+
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node("ik", context=context, namespace="/before")
+    statuses = node.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
+    words = [
+        sys.executable,
+        str(EXAMPLES / "target.py"),
+        "0.001",
+        "0",
+        "-0.001",
+        "--ros-args",
+        "-r",
+        "__ns:=/before",
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    example = subprocess.Popen(words, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
+    status = IkStatus(state=IkStatus.IDLE, target=Point(x=0.001, y=0.0, z=-0.001), error=4e-5)
+    try:
+        until, tracked = time.monotonic() + 300, 0
+        while example.poll() is None and time.monotonic() < until:
+            moves = status.state == IkStatus.IDLE and statuses.get_subscription_count() > 0
+            status.state, tracked = (IkStatus.TRACKING, tracked + 1) if moves else (IkStatus.IDLE, tracked)
+            status.error = 2e-3 if moves and tracked <= 6 else 4e-5
+            statuses.publish(status)
+            time.sleep(0.1)
+        told, _ = example.communicate(timeout=60)
+        *before, last = [float(value) for value in re.findall(r"^(\S+) mm from", told, re.M)]
+        assert last == 0.04
+        assert set(before) == {2.0}
+        assert len(before) >= 3
+    finally:
+        example.kill()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+@pytest.mark.ros
 @pytest.mark.parametrize("homed", [True, False])
 def test_winches_are_homed_and_the_answer_is_told(domain: int, *, homed: bool) -> None:
     import rclpy

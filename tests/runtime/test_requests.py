@@ -25,6 +25,14 @@ ROOT = Path(__file__).parents[2]
         ('{"do": "figures"}', Request("figures")),
         ('{"effect": "sleep", "on": true}', Request("effect", effect="sleep", on=True)),
         ('{"accuracy": "5%"}', Request("accuracy", accuracy="5%")),
+        ('{"speed": 0.1}', Request("speed", speed=0.1)),
+        ('{"do": "unload"}', Request("unload")),
+        ('{"let_go": 7}', Request("let_go", who=7)),
+        ('{"load": {"vertex": 3, "force": [0, 0, -1]}}', Request("load", vertex=3, vector=(0.0, 0.0, -1.0))),
+        (
+            '{"pull": {"who": 7, "vertex": 3, "to": [1, 2, 3], "stiffness": 50}}',
+            Request("pull", who=7, vertex=3, vector=(1.0, 2.0, 3.0), stiffness=50.0),
+        ),
     ],
 )
 def test_requests_are_read(text: str, request_: Request) -> None:
@@ -36,6 +44,15 @@ def test_requests_are_read(text: str, request_: Request) -> None:
     [
         ("reset", ("'reset'", "JSON")),
         ("[]", ("'[]'", "JSON object")),
+        ('{"speed": 0}', ("speed", 0, "allowed: 0.1", 10)),
+        ('{"speed": 11}', ("speed", 11)),
+        ('{"speed": NaN}', ("speed", "finite")),
+        ('{"speed": true}', ("speed", "finite")),
+        ('{"pull": {"who": -1, "vertex": 3, "to": [1, 2, 3]}}', ("who", -1)),
+        ('{"pull": {"who": 1, "vertex": 0.5, "to": [1, 2, 3]}}', ("vertex", 0.5)),
+        ('{"pull": {"who": 1, "vertex": 3, "to": [1, 2]}}', ("to", "three")),
+        ('{"load": {"vertex": 3, "force": [1, 2, Infinity]}}', ("force", "finite")),
+        ('{"load": 3}', ("do", "None")),
         ('{"do": "explode"}', ("do", "'explode'", "allowed: reset")),
         ('{"effect": "magic", "on": true}', ("effect", "'magic'", "effects: gravity")),
         ('{"effect": "sleep", "on": 1}', ("on", 1, "true", "false")),
@@ -116,6 +133,56 @@ def test_the_node_does_what_is_asked_and_says_what_it_does_not(make) -> None:
         lambda: graph.node.replacement and graph.node.replacement.changes == ("sleep={}",),
         "the restart",
     )
+
+
+@pytest.mark.ros
+def test_hands_pull_and_load_and_time_passes_slower_until_a_robot_comes(make) -> None:
+    pytest.importorskip("rclpy")
+    from tripod_msgs.msg import RobotStatus
+
+    from tripod_graph import names as topics
+    from tripod_graph.qos import RELIABLE
+
+    graph = make(set="mesh.level=1").start()
+    ear = Ear(graph.ear)
+    graph.wait(lambda: ear.requests.get_subscription_count() and ear.figures, "the simulator")
+    physics = graph.node._physics
+    applied: list = []
+    graph.ear.create_subscription(
+        graph.node._applied.msg_type, topics.APPLIED_FORCES, applied.append, RELIABLE
+    )
+    positions = physics.latest.positions.copy()
+    vertex = int(abs(positions - [0.0, 0.0, 0.0025]).sum(axis=1).argmin())
+    place = positions[vertex]
+    ear.ask(pull={"who": 1, "vertex": vertex, "to": place.tolist()})
+    goal = [place[0], place[1], place[2] + 0.02]
+    pull = {"who": 1, "vertex": vertex, "to": goal}
+    graph.wait(
+        lambda: ear.ask(pull=pull) or physics.latest.positions[vertex, 2] > place[2] + 1e-3, "the pull"
+    )
+    graph.wait(lambda: ear.ask(pull=pull) or names(ear.figures[-1]["hands"], "pull", "N/m"), "what acts")
+    assert ear.figures[-1]["stiffness"] > 0
+    assert not ear.figures[-1]["energy"]["grew"]
+    ear.ask(let_go=1)
+    graph.wait(lambda: physics.latest.positions[vertex, 2] < place[2] + 5e-4, "its return")
+    graph.wait(lambda: applied, "what was applied, for a recording")
+    ear.ask(load={"vertex": vertex, "force": [0.0, 0.0, -0.2]})
+    graph.wait(lambda: names(ear.figures[-1]["hands"], "load", "0.2 N"), "the load")
+    ear.ask(do="unload")
+    graph.wait(lambda: not ear.figures[-1]["hands"], "its end")
+    ear.ask(load={"vertex": len(positions) + 9, "force": [0.0, 0.0, 1.0]})
+    graph.wait(lambda: names(ear.notice(), "vertex"), "the refusal")
+    ear.ask(speed=0.5)
+    graph.wait(lambda: physics.rate == 0.5 and ear.figures[-1]["speed"] == 0.5, "the speed")
+    robot = graph.ear.create_publisher(RobotStatus, topics.ROBOT_STATUS, RELIABLE)
+    status = RobotStatus(port="/dev/ttyUSB0")
+    graph.wait(lambda: robot.publish(status) or physics.rate == 1.0, "real time")
+    ear.ask(speed=2.0)
+    graph.wait(lambda: names(ear.notice(), "/dev/ttyUSB0", "real time"), "the refusal")
+    assert physics.rate == 1.0
+    graph.wait(lambda: robot.publish(RobotStatus(port="mock")) or not graph.node._robot_port, "a mock robot")
+    ear.ask(speed=2.0)
+    graph.wait(lambda: physics.rate == 2.0, "the speed")
 
 
 @pytest.mark.ros

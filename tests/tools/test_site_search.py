@@ -17,6 +17,7 @@ FIELD = "input.md-search__input"
 QUESTIONS = {
     "how do I add my own robot": "own_robot",
     "how can I record a video of a run": "seeing",
+    "make a film of a run": "seeing",
     "is dt small enough": "choose_accuracy",
     "how large are the forces at a clamp": "sets",
     "how do I change the stiffness of the material": "materials",

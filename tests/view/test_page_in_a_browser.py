@@ -4,6 +4,7 @@ The simulator's side of the page is played by a node that publishes what the rea
 picture, its figures; `FakeSimulator` moves the joints. So the page is driven as it is, and no scene is simulated.
 """
 
+import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
@@ -536,6 +537,61 @@ def test_the_target_is_dragged_by_its_handle(stage: Stage, browser: Any) -> None
         stage.wait(lambda: place(opened, "servo 0") != still)
         stage.sim.body = nodes, triangles
         assert opened.errors == []
+
+
+def test_a_body_is_pulled_and_loaded(stage: Stage, browser: Any) -> None:
+    asked: list[dict[str, Any]] = []
+    requests = stage.sim.create_subscription(
+        String, names.SIM_REQUEST, lambda m: asked.append(json.loads(m.data)), 100
+    )
+    show(stage.sim, "silicone")
+    with Opened(browser, stage, "screen") as opened:
+        opened.press("Just watch")
+        stage.wait(requests.get_publisher_count)
+        page, box = opened.page, stage_box(opened)
+        opened.wait("document.querySelector('#hands')")
+        page.evaluate("document.querySelector('#hands').open = true")
+        x, y = stage.wait(lambda: on_body(opened, box))
+        still = place(opened, "x")
+        opened.press("Pull")
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 40, y - 30, steps=4)
+        pulls = stage.wait(lambda: [a["pull"] for a in asked if "pull" in a][1:])
+        first, last = next(a["pull"] for a in asked if "pull" in a), pulls[-1]
+        assert (first["who"], first["vertex"]) == (last["who"], last["vertex"])
+        assert max(abs(a - b) for a, b in zip(first["to"], last["to"], strict=True)) > 1e-3
+        page.mouse.up()
+        stage.wait(lambda: {"let_go": first["who"]} in asked)
+        assert place(opened, "x") == still, "the camera was not turned"
+        page.keyboard.press("g")
+        opened.text("#load-at", "vertex", first["vertex"])
+        page.locator("[aria-label='load along z (N)']").fill("-0.5")
+        opened.press("Place load")
+        loads = stage.wait(lambda: [a["load"] for a in asked if "load" in a])
+        assert loads == [{"vertex": first["vertex"], "force": [0.0, 0.0, -0.5]}]
+        page.locator("#speed").select_option("0.2")
+        stage.wait(lambda: {"speed": 0.2} in asked)
+        count = len([a for a in asked if "pull" in a])
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 30, y, steps=3)
+        page.mouse.up()
+        stage.wait(lambda: place(opened, "x") != still)  # without Pull the camera turns
+        assert len([a for a in asked if "pull" in a]) == count
+        assert opened.errors == []
+    stage.destroy(requests)
+
+
+def on_body(opened: Opened, box: list[float]) -> tuple[float, float] | None:
+    """Return a place of the picture where a body can be picked; a click tells its vertex in the panel."""
+    for share in (0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65):
+        for height in (0.5, 0.45, 0.55, 0.4, 0.6):
+            x, y = box[0] + share * (box[2] - box[0]), box[1] + height * (box[3] - box[1])
+            opened.page.mouse.click(x, y)
+            if "vertex" in (opened.page.locator("#load-at").text_content() or "").replace("vertex that", ""):
+                return x, y
+    return None
 
 
 def stage_box(opened: Opened) -> list[float]:

@@ -231,8 +231,8 @@ async function main() {
   canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; });
   canvas.addEventListener("pointerup", (e) => {
     if (!down || Math.hypot(e.clientX - down[0], e.clientY - down[1]) > 4) return;
-    const hit = view.pick(e.clientX, e.clientY);
-    picked.splice(0, picked.length, ...(hit ? [hit.body, hit.node] : []));
+    const hit = view.pick(e);
+    picked.splice(0, picked.length, ...(hit ? [hit.part, hit.node] : []));
     byId("picked").textContent = "";
     byId("plot-picked").hidden = byId("picked").hidden = !hit;
     redraw();

@@ -4,6 +4,7 @@ import { listen, send } from "./channel.js";
 import { element, place } from "./dom.js";
 import { controls } from "./controls.js";
 import { cards } from "./cards.js";
+import { hands } from "./hands.js";
 import { keys } from "./keys.js";
 import { plots } from "./plots.js";
 import { replay } from "./replay.js";
@@ -15,8 +16,9 @@ const panel = element("aside", { id: "panel", "aria-label": "Controls" });
 const stop = element("button", { id: "stop", title: "All commands off: the robot holds, then moves to its park pose (Space, Esc)" }, "STOP");
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
-place(panel, [status(), controls(), replay(), cards(), plots()]);
-place(document.body, [panel, stop, start(), scene() ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
+const view = scene();
+place(panel, [status(), controls(), hands(view), replay(), cards(), plots()]);
+place(document.body, [panel, stop, start(), view ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
 keys();
 
 // What a scene has decides which controls there are: classes of the body, which the style sheet heeds.

@@ -246,6 +246,11 @@ class LiveView extends View {
     return box;
   }
 
+  targets() {
+    return [...this.all.values()].filter(({ name, body, group }) => name && body && this.isSeen(group))
+      .map(({ number, name, first, body, geometry }) => ({ part: number, name, first, mesh: body, geometry }));
+  }
+
   // ---- drawing
 
   render() {

@@ -330,26 +330,41 @@ class View {
     // what is above the floor falls onto it along the light
     this.shadows.matrix.set(1, 0, -0.6 * slide, 0.6 * slide * z, 0, 1, 0.3 * slide, -0.3 * slide * z, 0, 0, 0, z, 0, 0, 0, 1);
     this.shadows.visible = camera.position.z > z;
+    this.before?.();
     this.renderer.render(this.scene, camera);
   }
 
-  // The node of a body that is nearest to a place of the window, or null.
-  pick(x, y) {
+  // Where vertex `node` of a part is [m], or null.
+  vertex(part, node) {
+    const target = this.targets().find((one) => one.part === part);
+    if (!target || node >= target.geometry.attributes.position.count) return null;
+    const place = new THREE.Vector3().fromBufferAttribute(target.geometry.attributes.position, node);
+    return place.applyMatrix4(target.mesh.matrixWorld).toArray().map((v, a) => v + this.origin[a]);
+  }
+
+  // What can be picked: meshes, each with the `name` of its body and the number `first` of its first vertex.
+  targets() {
+    return this.bodies.map(({ mesh, geometry }, part) => ({ part, mesh, geometry, first: 0, name: this.stage.bodies[part].name }));
+  }
+
+  // What is under the pointer of a mouse event, or null: the `point` of the surface [m], the name of the `body`, and of
+  // the vertex nearest to it its number in all bodies, `vertex`, and in its `part`, `node`.
+  pick({ clientX, clientY }) {
     const T = THREE, box = this.canvas.getBoundingClientRect(), caster = new T.Raycaster();
-    const at = new T.Vector2(2 * (x - box.left) / box.width - 1, 1 - 2 * (y - box.top) / box.height);
+    const at = new T.Vector2(2 * (clientX - box.left) / box.width - 1, 1 - 2 * (clientY - box.top) / box.height);
     this.camera.updateMatrixWorld();
     caster.setFromCamera(at, this.camera);
     let best = null;
-    this.bodies.forEach(({ mesh, geometry }, b) => {
-      geometry.boundingSphere = new T.Sphere(new T.Vector3(), Infinity);
-      const [hit] = caster.intersectObject(mesh);
-      if (hit && (!best || hit.distance < best.distance)) best = { ...hit, b };
-    });
+    for (const target of this.targets()) {
+      target.geometry.boundingSphere = new T.Sphere(new T.Vector3(), Infinity);
+      const [hit] = caster.intersectObject(target.mesh, false);
+      if (hit && (!best || hit.distance < best.distance)) best = { ...hit, ...target };
+    }
     if (!best) return null;
-    const { face, point, b, distance } = best, nodes = this.nodes(b);
-    const far = (n) => Math.hypot(...[0, 1, 2].map((a) => nodes[3 * n + a] - point.getComponent(a)));
+    const { face, point, part, mesh, geometry, first, name } = best, place = new T.Vector3();
+    const far = (n) => place.fromBufferAttribute(geometry.attributes.position, n).applyMatrix4(mesh.matrixWorld).distanceTo(point);
     const node = [face.a, face.b, face.c].sort((n, m) => far(n) - far(m))[0];
-    return { body: b, node, distance, point: point.toArray().map((v, a) => v + this.origin[a]) };
+    return { vertex: first + node, point: point.toArray().map((v, a) => v + this.origin[a]), body: name, part, node };
   }
 
   // The picture as it is, with words below it, as a PNG; `background`: a colour.

@@ -1,0 +1,116 @@
+// Hands on the bodies: pull them by the mouse, place loads, run slower or faster. Only in the simulation.
+
+import { listen, send, value } from "./channel.js";
+import { button, element, place, section, setText } from "./dom.js";
+
+const REPEAT = 200; // a hand that says nothing for a second lets go [ms]
+const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
+const ME = crypto.getRandomValues(new Uint32Array(1))[0] >>> 3; // whose hand it is, among the pages
+
+// `view`: the 3-D scene, null where the browser cannot draw. Returns a card for the panel.
+export function hands(view) {
+  const redraw = () => view.changed();
+  const stiffness = element("input", { type: "number", min: 0, step: "any", "aria-label": "stiffness of the pull (N/m)" });
+  const told = element("p", { class: "small", id: "hands-told" });
+  const speed = element("select", { id: "speed", "aria-label": "speed" });
+  for (const factor of SPEEDS) place(speed, [element("option", { value: factor }, `${factor} ×`)]);
+  speed.value = 1;
+  speed.addEventListener("change", () => { send({ speed: Number(speed.value) }); speed.blur(); });
+  listen("figures", (figures) => {
+    if (document.activeElement !== stiffness && figures?.stiffness && !stiffness.dataset.own) stiffness.value = figures.stiffness;
+    if (document.activeElement !== speed && figures?.speed) speed.value = figures.speed;
+    setText(told, figures?.hands ? `Acts now: ${figures.hands}` : "");
+    unload.disabled = !figures?.hands?.includes("load");
+  });
+  stiffness.addEventListener("change", () => { stiffness.dataset.own = "1"; });
+  const on = view && puller(view, redraw, () => Number(stiffness.value) || null);
+  if (on) addTools(byId("page-tools"), { pull: on.toggle }, { pull: "g" });
+  const force = ["x", "y", "z"].map((axis) => element("input", { type: "number", step: "any", value: 0, "aria-label": `load along ${axis} (N)` }));
+  const at = element("p", { class: "small", id: "load-at" }, "Click on the body to choose where.");
+  let vertex = null;
+  on?.picked((found) => {
+    vertex = found.vertex;
+    setText(at, `At vertex ${found.vertex} of ${found.body}.`);
+    load.disabled = false;
+  });
+  const load = button("Place load", () => send({ load: { vertex, force: force.map((one) => Number(one.value) || 0) } }), "At the vertex that was clicked");
+  const unload = button("Remove loads", () => send({ sim: "unload" }));
+  load.id = "load";
+  load.disabled = unload.disabled = true;
+  return section("hands", "Pull, load, speed", [
+    element("p", { class: "small" }, "Press Pull over the picture, then drag a body."),
+    place(element("div", { class: "row" }), [place(element("label", {}, "spring of the pull "), [stiffness, " N/m"])]),
+    told,
+    place(element("div", { class: "row" }), [element("label", {}, "load x, y, z [N]"), ...force, load, unload]),
+    at,
+    place(element("div", { class: "row" }), [place(element("label", {}, "speed "), [speed])]),
+    element("p", { class: "small" }, "Only in the simulation: the robot is not told. A recording holds it, so a replay is the same."),
+  ], false);
+}
+
+// Lets a mouse or a finger pull the body while that is switched on.
+function puller(view, redraw, stiffness) {
+  const { canvas } = view, heard = [];
+  let pulls = false, held = null, timer = 0; // `held`: what was picked, where it was and is to go
+
+  const say = () => send({ pull: { who: ME, vertex: held.vertex, to: held.to, stiffness: stiffness() } });
+  const letGo = () => {
+    if (!held) return;
+    held = null;
+    clearInterval(timer);
+    view.controls.enabled = true;
+    view.point("hand", [], [], [0, 0, 0], 1);
+    send({ let_go: ME });
+    redraw();
+  };
+  const draw = () => {
+    const from = held && view.vertex(held.part, held.node);
+    if (from) view.point("hand", from, held.to.map((v, a) => v - from[a]), [194, 24, 91], 1);
+  };
+
+  // Where the pointer is in the plane through the held point that faces the eye.
+  function onPlane({ clientX, clientY }) {
+    const T = THREE, box = canvas.getBoundingClientRect(), caster = new T.Raycaster(), normal = new T.Vector3();
+    caster.setFromCamera(new T.Vector2(2 * (clientX - box.left) / box.width - 1, 1 - 2 * (clientY - box.top) / box.height), view.camera);
+    view.camera.getWorldDirection(normal);
+    const start = new T.Vector3(...held.start.map((v, a) => v - view.origin[a]));
+    const { origin, direction } = caster.ray, far = start.sub(origin).dot(normal) / direction.dot(normal);
+    return far > 0 ? origin.clone().addScaledVector(direction, far).toArray().map((v, a) => v + view.origin[a]) : null;
+  }
+
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0 || !event.isPrimary) return;
+    const found = view.pick(event);
+    if (!found) return;
+    for (const tell of heard) tell(found);
+    if (!pulls || (value("replay")?.age ?? null) !== null) return;
+    event.stopImmediatePropagation();
+    canvas.setPointerCapture(event.pointerId);
+    view.controls.enabled = false;
+    held = { ...found, start: found.point, to: found.point };
+    say();
+    timer = setInterval(say, REPEAT);
+  }, true);
+  canvas.addEventListener("pointermove", (event) => {
+    const to = held && onPlane(event);
+    if (!to) return;
+    held.to = to;
+    say();
+    redraw();
+  });
+  for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(name, letGo);
+  addEventListener("blur", letGo);
+  listen("connected", (there) => { if (!there) letGo(); });
+  view.before = draw; // the arrow goes along with the body
+
+  const toggle = () => {
+    pulls = !pulls;
+    letGo();
+    canvas.classList.toggle("pulls", pulls);
+    pressed("pull", pulls);
+  };
+  addEventListener("keydown", (event) => {
+    if (event.key === "g" && !event.ctrlKey && !event.altKey && !event.metaKey && !/^(INPUT|SELECT)$/.test(event.target.tagName)) toggle();
+  });
+  return { toggle, picked: (tell) => heard.push(tell) };
+}
