@@ -49,6 +49,11 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
+def same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two pictures are the same, but for how the browser rounds the background."""
+    return bool((np.abs(one - other) < 0.01).all())
+
+
 class Player:
     """The player of a film in a browser, at rest at a time; `errors` keeps what its console complains of."""
 
@@ -84,7 +89,7 @@ class Player:
         """Return whether something changes the picture."""
         before = self.pixels()
         act()
-        return bool((np.abs(self.pixels() - before) > 0.05).any())
+        return not same(self.pixels(), before)
 
     def download(self, act: Any) -> tuple[str, bytes]:
         """Return name and content of the file that something saves."""
@@ -148,12 +153,12 @@ def test_the_camera_goes_where_it_is_told(player: Player) -> None:
         seen.append(player.pixels())
         page.locator("#home").click()
         page.keyboard.press(key)
-        np.testing.assert_array_equal(player.pixels(), seen[-1], name)
+        assert same(player.pixels(), seen[-1]), name
         if name != "fit":
             page.locator("#home").click()
-    np.testing.assert_array_equal(seen[0], first)
+    assert same(seen[0], first)
     for i in range(4):
-        assert all((seen[i] != other).any() for other in seen[:i])
+        assert not any(same(seen[i], other) for other in seen[:i])
     page.locator("#home").click()
     box = page.locator("#picture").bounding_box()
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
@@ -176,7 +181,7 @@ def test_the_camera_goes_where_it_is_told(player: Player) -> None:
     page.keyboard.press("b")
     assert page.locator("#below").get_attribute("aria-pressed") == "true"
     drag()
-    assert (player.pixels() != above).any()
+    assert not same(player.pixels(), above)
 
 
 def test_the_camera_follows_what_it_is_told(player: Player) -> None:
@@ -213,7 +218,7 @@ def test_mesh_path_and_forces_are_switched_on_and_off(player: Player) -> None:
         assert player.changes(page.locator(f"#{name}").click)
         assert page.locator(f"#{name}").get_attribute("aria-pressed") == "true"
         page.keyboard.press(key)
-        np.testing.assert_array_equal(player.pixels(), plain)
+        assert same(player.pixels(), plain)
     page.keyboard.press("End")
     page.locator("#path").click()
     assert count(player.pixels(), (194, 24, 91)) > 20
