@@ -192,19 +192,19 @@ def test_the_camera_follows_what_it_is_told(player: Player) -> None:
         "follow ball",
     ]
 
-    def reddest() -> float:
+    def column() -> float:
         """Return the column of the ball."""
         image = player.pixels()
         red = (image[..., 0] > image[..., 1] + 0.3) & (image[..., 2] < 0.35)
         return float(np.nonzero(red)[1].mean())
 
     page.locator("#follow").select_option(label="follow ball")
-    before = reddest()
+    before = column()
     page.keyboard.press("End")
     player.clock("1.50")
-    assert reddest() == pytest.approx(before, abs=2)
+    assert column() == pytest.approx(before, abs=2)
     page.locator("#follow").select_option(label="stand still")
-    assert abs(reddest() - before) > 20
+    assert abs(column() - before) > 20
 
 
 def count(image: np.ndarray, colour: tuple[int, int, int]) -> int:
@@ -224,6 +224,7 @@ def test_mesh_path_and_forces_are_switched_on_and_off(player: Player) -> None:
     assert count(player.pixels(), (194, 24, 91)) > 20
     page.locator("#path").click()
     assert player.changes(page.locator("#arrow-0").check)
+    player.wait("document.querySelector('#arrows').textContent.includes('2.5')")
     messages.assert_names(page.locator("#arrows label").inner_text(), "load", "2.5 N")
     page.locator("#arrow-0").uncheck()
 
@@ -264,6 +265,7 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     page.locator("#top").click()
     middle = {"x": 0.5 * box["width"], "y": 0.5 * box["height"] + 30}
     page.locator("#picture").click(position=middle)
+    player.wait("document.querySelector('#picked').textContent")
     told = page.locator("#picked").inner_text()
     found = re.fullmatch(r"sheet, node (\d+) at \[(.*)\] m; heat ([\d.]+) K", told)
     assert found, told
@@ -279,7 +281,7 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     table = np.array([row.split(",") for row in rows], float)
     np.testing.assert_allclose(table[:, 1:], 1e3 * shown_film().bodies[0].positions[:, node], atol=0.01)
     page.locator("#picture").click(position={"x": 30, "y": box["height"] - 120})
-    assert not page.locator("#plot-picked").is_visible()
+    player.wait("!document.querySelector('#plot-picked').checkVisibility()")
 
 
 def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
@@ -299,7 +301,7 @@ def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
     page.locator("#more").select_option(label="height: a")
     assert player.plots() == ["height [mm]", "height: a [mm]"]
     page.locator("#more").select_option(label="height: b → height: a")
-    assert page.locator(".plot .legend").nth(1).locator("b").count() == 2
+    player.wait("document.querySelectorAll('.plot .legend')[1].querySelectorAll('b').length === 2")
     page.locator("[aria-label='remove the plot: height']").click()
     assert player.plots() == ["height: a [mm]"]
     canvas = page.locator(".plot canvas")
