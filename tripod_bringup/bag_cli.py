@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tripod_bringup.colour_option import Colour
 from tripod_bringup.long_work import loading
 from tripod_bringup.node_command import NODES, NodeCommand, RosCommand, run_node_command
 from tripod_bringup.options import NodeSettings, OldSettings, Recording, Subnet, To, examples, within
@@ -151,12 +152,16 @@ def html(
     *,
     topics: Topics = None,
     segment: Number = None,
+    colour: Colour = None,
+    forces: Annotated[bool, typer.Option("--forces", help="Show the forces on the bodies as arrows.")] = False,
 ) -> None:
     """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
     with loading("tripod bag html"):
         from tripod_bringup.bag_export import html_command  # noqa: PLC0415
 
-    raise typer.Exit(html_command(file, out, " ".join(topics or ()), segment))
+    raise typer.Exit(
+        html_command(file, out, " ".join(topics or ()), segment, colour=colour, forces=forces)
+    )
 
 
 @commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))

@@ -96,12 +96,24 @@ def _say(progress: Progress | None, text: str) -> None:
         progress.say(text)
 
 
-def html_command(file: Path, out: Path | None, topics: str, segment: int | None = None) -> int:
-    """Write the page and return the exit code: 0, 1 damaged, or not the recorded session, 2 bad input."""
+def html_command(
+    file: Path,
+    out: Path | None,
+    topics: str,
+    segment: int | None = None,
+    *,
+    colour: str | None = None,
+    forces: bool = False,
+) -> int:
+    """Write the page and return the exit code: 0, 1 damaged, or not the recorded session, 2 bad input.
+
+    `colour`: of `--colour`; `forces`: whether it shows what acts on the bodies, in the steps that are made again.
+    """
     out = out or unused_path(file, ".html")
     from tripod_bringup.bag_film import session_arrays  # noqa: PLC0415 - not needed for the help
     from tripod_bringup.bag_session import read_session  # noqa: PLC0415
-    from tripod_bringup.pictures import PictureError, Pictures  # noqa: PLC0415
+    from tripod_bringup.colour_option import ColourError, colours_of, names_mesh_error  # noqa: PLC0415
+    from tripod_bringup.pictures import PictureError, Pictures, check_colour  # noqa: PLC0415
 
     different: list[str] = []
 
@@ -109,20 +121,26 @@ def html_command(file: Path, out: Path | None, topics: str, segment: int | None 
         pictures = Pictures(html=out)
         try:
             pictures.check()
+            check_colour(colour, pictures, view=False)
             bag = Bag(file)
             with progress_bar(f"reading {file.name}", shown=sys.stderr.isatty()) as progress:
                 with bag.accounted():
                     session = read_session("html", bag, chosen(topics), segment)
                     _say(progress, "building the scene")
                     resimulation = session.resimulation()
+                mesh_error = names_mesh_error(colour)
+                fields = resimulation.simulation.fields()
+                colours = colours_of(fields, colour, page=True, mesh_error=mesh_error)
                 _say(progress, "simulating again")
-                arrays = session_arrays(resimulation, session.segment, progress)
-            if not pictures.write(arrays):
+                arrays = session_arrays(
+                    resimulation, session.segment, progress, forces=forces, mesh_error=mesh_error
+                )
+            if not pictures.write(arrays, colours=colours):
                 raise RecordError(
                     f"{bag.info.path} contains no step that can be simulated again; was the simulator recorded "
                     "from its start?"
                 )
-        except PictureError as error:
+        except (PictureError, ColourError) as error:
             raise RecordError(str(error)) from None
         if resimulation.outcome.different:
             different.append(resimulation.outcome.parted)

@@ -17,14 +17,21 @@ RATE = 50.0
 
 
 def session_arrays(
-    resimulation: Resimulation, segment: Segment, progress: Callable[[float], None] | None = None
+    resimulation: Resimulation,
+    segment: Segment,
+    progress: Callable[[float], None] | None = None,
+    *,
+    forces: bool = False,
+    mesh_error: bool = False,
 ) -> dict[str, Any]:
     """Make the session again and return its pictures; time goes on where the simulation was reset.
+
+    `forces`, `mesh_error`: whether these are there, too; see `Recording`.
 
     Raises SceneError, StepError.
     """
     simulation, length = resimulation.simulation, max(1e-9 * (segment.end - segment.start), 1e-9)
-    recording = Recording(simulation, PICTURES + 2)
+    recording = Recording(simulation, PICTURES + 2, forces=forces, mesh_error=mesh_error)
     every = max(1, round(max(1 / RATE, length / PICTURES) / simulation.scene.dt))
     times: list[float] = []
     while recording.count < PICTURES + 2:

@@ -16,8 +16,8 @@ Colour = Annotated[
     str | None,
     typer.Option(
         metavar="FIELD[:LOW:HIGH]",
-        help="Colour surfaces by displacement, von_mises, principal_max, principal_min, energy_density, stretch or "
-        "tension; LOW and HIGH limit the colours, by default the range of the film.",
+        help="Colour surfaces by displacement, von_mises, principal_max, principal_min, energy_density, stretch, "
+        "tension, or, in a scene with [mesh_error], mesh_error; LOW and HIGH limit the colours, by default the range of the film.",
     ),
 ]
 
@@ -60,8 +60,18 @@ def chosen_colour(text: str | None) -> "tuple[str, tuple[float, float] | None] |
     return name, (low, high)
 
 
+def names_mesh_error(text: str | None) -> bool:
+    """Return whether `--colour` names the error of the mesh, which must be recorded: positions do not tell it."""
+    return text is not None and text.partition(":")[0] == "mesh_error"
+
+
 def colours_of(
-    fields: "NodalFields", text: str | None, *, page: bool = False, every: bool = False
+    fields: "NodalFields",
+    text: str | None,
+    *,
+    page: bool = False,
+    every: bool = False,
+    mesh_error: bool = False,
 ) -> Colours:
     """Return the colours of a film.
 
@@ -70,17 +80,23 @@ def colours_of(
         text: What `--colour` says.
         page: Whether others than that of `text` can be chosen: all with it, the `USUAL` without.
         every: Whether all can be chosen in either case.
+        mesh_error: Whether the error of the mesh was recorded.
 
     Raises:
-        ColourError: there is no such field, or the bodies do not have it.
+        ColourError: there is no such field, or the bodies do not have it, or it was not recorded.
     """
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
     from tripod_sim.fields import FIELDS  # noqa: PLC0415
     from tripod_view.player.film import Colouring  # noqa: PLC0415
 
     chosen = chosen_colour(text)
+    if names_mesh_error(text) and not mesh_error:
+        raise ColourError(
+            f"--colour {text!r}: the run has no array mesh_error; run a scene with [mesh_error] again, with --colour "
+            "mesh_error and --out"
+        )
     try:
-        names = fields.checked((chosen[0],) if chosen else ())
+        names = fields.checked((chosen[0],) if chosen and not names_mesh_error(text) else ())
     except SceneError as error:
         raise ColourError(f"--colour: {error}") from None
     colouring = Colouring(FIELDS[chosen[0]].label, chosen[1]) if chosen else None
@@ -111,7 +127,7 @@ def colours_of_recording(arrays: Mapping[str, Any], text: str | None) -> Colours
             f"--colour: the scene of the run now has {shape[0]} nodes, and its positions have not: a mesh file has "
             "changed since; leave out --colour"
         )
-    return colours_of(simulation.fields(), text, page=True)
+    return colours_of(simulation.fields(), text, page=True, mesh_error="mesh_error" in arrays)
 
 
 def _film_fields(nodal: "NodalFields", names: tuple[str, ...]) -> "Fields | None":

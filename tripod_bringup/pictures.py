@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripod_bringup.colour_option import ColourError, Colours, chosen_colour, colours_of
+from tripod_bringup.colour_option import ColourError, Colours, chosen_colour, colours_of, names_mesh_error
 from tripod_host import stop
 
 if TYPE_CHECKING:
@@ -130,10 +130,13 @@ class ShownRun:
         view: bool,
         port: int | None = None,
         colour: str | None = None,
+        out: Path | None = None,
     ) -> None:
-        """`command`: its name in messages; `port`: of the page, None for a free one; `colour`: of `--colour`."""
+        """`command`: its name in messages; `port`: of the page, None for a free one; `colour`: of `--colour`; `out`: of
+        the recording.
+        """
         self._command, self._pictures, self._view, self._port = command, pictures, view, port
-        self._colour, self._colours = colour, Colours()
+        self._colour, self._colours, self._out = colour, Colours(), out
         self._recording: Any = None
         self._film: GrowingFilm | None = None
         self._server: FilmServer | None = None
@@ -146,7 +149,8 @@ class ShownRun:
     def __enter__(self) -> "ShownRun":
         """Raise PictureError unless all that is wanted can be made."""
         self._pictures.check()
-        check_colour(self._colour, self._pictures, view=self._view)
+        recorded = self._out is not None and names_mesh_error(self._colour)
+        check_colour(self._colour, self._pictures, view=self._view or recorded)
         return self
 
     def begin(self, recording: Any) -> None:
@@ -158,7 +162,10 @@ class ShownRun:
         page = self._view or self._pictures.html is not None
         if page or self._colour is not None:
             try:
-                self._colours = colours_of(recording.fields(), self._colour, page=page, every=self._view)
+                self._colours = colours_of(
+                    recording.fields(), self._colour, page=page, every=self._view,
+                    mesh_error=recording.with_mesh_error,
+                )  # fmt: skip
             except ColourError as error:
                 raise PictureError(str(error)) from None
         stop.before(self._save)

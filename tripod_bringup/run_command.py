@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tripod_bringup.colour_option import names_mesh_error
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.long_work import interruptible, loading
 from tripod_bringup.pictures import PictureError, Pictures, ShownRun
@@ -72,7 +73,7 @@ def run_scene(
             raise SceneError("--forces has nothing to show them; add --view, --html, --gif, --mp4 or --out")
         with (
             interruptible("tripod run", out, *pictures.wanted.values()),
-            ShownRun("tripod run", pictures, view=view, port=view_port, colour=colour) as shown,
+            ShownRun("tripod run", pictures, view=view, port=view_port, colour=colour, out=out) as shown,
         ):
             choice = chosen(scene, wished(accuracy, budget), overrides, study)
             if choice:
@@ -97,6 +98,7 @@ def run_scene(
                         overrides=overrides,
                         out=out,
                         forces=forces,
+                        mesh_error=names_mesh_error(colour),
                         recorded=shown.begin if shown.wanted else None,
                         progress=progress,
                         say=progress.say if progress else None,

@@ -1,6 +1,6 @@
 """Fields on the nodes of soft bodies: displacement, stress, energy density, stretch, tension.
 
-They follow from positions alone, so they can also be computed of a recording, and are computed only on request.
+All but `mesh_error` (see `Simulation.mesh_error_field`) follow from positions alone, so they can also be computed of a recording, and are computed only on request.
 
 Elements have their values at integration points. In each element the shape functions of its corners are fitted to
 these by least squares, and evaluated at its nodes: local smoothing [HintonCampbell1974]. Energy density is quadratic
@@ -36,6 +36,10 @@ BALANCED = 1e-10
 """Unbalanced force of an element's modes, over the shear modulus and the element's volume to the power 2/3."""
 
 
+MESH_ERROR: Final = "mesh_error"
+"""The field that `Simulation.mesh_error_field` returns: it belongs to the last estimate, not to positions."""
+
+
 @dataclass(frozen=True)
 class NodalField:
     """What a field is.
@@ -62,9 +66,23 @@ FIELDS: Final[Mapping[str, NodalField]] = {
     "energy_density": NodalField("strain energy density", "J/m³"),
     "stretch": NodalField("largest stretch", "", spring=True),
     "tension": NodalField("largest spring tension", "N", signed=True, solid=False, spring=True),
+    MESH_ERROR: NodalField("mesh error", "m", solid=False),
 }
 """The fields by name. Stresses are Cauchy's, tension positive. The displacement is the distance from the undeformed
 shape. At a node of springs, stretch (length over rest length) and tension are the largest of its springs."""
+
+
+def names_of(terms: Iterable[ElasticTerm]) -> tuple[str, ...]:
+    """Return the names of the fields that bodies with these terms of the strain energy have."""
+    terms = list(terms)
+    solid, spring = (
+        any(term.solid is not None for term in terms),
+        any(term.links is not None for term in terms),
+    )
+    return tuple(
+        name for name, field in FIELDS.items()
+        if name == "displacement" or (field.solid and solid) or (field.spring and spring)
+    )  # fmt: skip
 
 
 def extrapolation(kind: Element) -> FloatArray:
@@ -94,10 +112,7 @@ class NodalFields:
         self._solids = [_SolidValues(arrays, term) for term, arrays in solids]
         self._springs = [term.links for term in terms if term.links is not None]
         self._mean = _volume_mean([arrays for _, arrays in solids], len(undeformed)) if solids else None
-        self.names = tuple(
-            name for name, field in FIELDS.items()
-            if name == "displacement" or (field.solid and solids) or (field.spring and self._springs)
-        )  # fmt: skip
+        self.names = names_of(terms)
 
     def values(self, names: Iterable[str], positions: FloatArray) -> dict[str, FloatArray]:
         """Return fields at the shown vertices, by name, each of shape (v,).
@@ -133,6 +148,8 @@ class NodalFields:
         for name in names:
             if name not in self.names:
                 why = "these bodies do not have it" if name in FIELDS else "there is no such field"
+                if name == MESH_ERROR:
+                    why = "it does not follow from positions; Simulation.mesh_error_field returns it"
                 raise SceneError(f"field {shown(name)}: {why}; choose one of {', '.join(self.names)}")
         return names
 

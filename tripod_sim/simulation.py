@@ -691,6 +691,13 @@ class Simulation:
 
         return NodalFields(self._system.elastic.terms, self.mesh.nodes, self.owners)
 
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """Names of the fields that `fields` computes."""
+        from tripod_sim.fields import names_of  # noqa: PLC0415 - only on request
+
+        return names_of(self._system.elastic.terms)
+
     @cached_property
     def owners(self) -> NDArray[np.int64]:
         """The node of `mesh` with which each node of `skin` moves, shape (k,)."""
@@ -921,6 +928,19 @@ class Simulation:
         if self._mesh_error and self.pushed:
             return self._mesh_error.unknown(self.state)
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
+
+
+    def mesh_error_field(self) -> FloatArray | None:
+        """Return the error of the mesh at each node of `skin` by the last estimate [m], shape (k,); None without any.
+
+        It is how far the node is from where the richer mesh at rest under the same forces has it; NaN where that is not
+        known, as on other bodies than the first. Nothing is solved for it. The estimate may be some steps old.
+        """
+        if not self._mesh_error:
+            return None
+        found, first = np.full(len(self.mesh.nodes), np.nan), self._mesh_error.field()
+        found[: len(first)] = first
+        return found[self.owners]
 
 
 def joint_values(joints: FloatArray, count: int) -> FloatArray:

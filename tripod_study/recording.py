@@ -25,6 +25,7 @@
 | `maze_goal` | 4 | centre of the goal in the frame of the disc, radius [m]; with a maze that has one |
 | `still_vertices`, `still_triangles` | v, 3 and t, 3 | of the obstacles [m]; with any |
 | `event_times`, `event_texts` | e | events: time [s], text |
+| `mesh_error` | k, v | [field](#colours) at the nodes of the surface [m]; with `--colour mesh_error` |
 | `force_names`, `force_units` | g | groups of `--forces`, with that option: name, unit |
 | `force_counts` | k, g | how many vectors each has |
 | `force_points`, `force_vectors` | p, 3 | of the first step, group by group, then of the next: place [m], force |
@@ -63,6 +64,7 @@ UNITS = {
     "maze_goal": "m",
     "still_vertices": "m",
     "event_times": "s",
+    "mesh_error": "m",
     "force_points": "m",
     "force_vectors": "force_units",
 }
@@ -76,12 +78,21 @@ class Recording:
         count: Steps that are in it: another thread may read what is before.
         dt: Of a step [s].
         fields: Returns what computes fields of the recorded positions.
+        with_mesh_error: Whether the error of the mesh is recorded.
     """
 
-    def __init__(self, simulation: Simulation, steps: int, *, forces: bool = False) -> None:
-        """Raises SceneError where `steps`, the most that it takes, need more memory than there is, or are none.
+    def __init__(
+        self, simulation: Simulation, steps: int, *, forces: bool = False, mesh_error: bool = False
+    ) -> None:
+        """Prepare.
 
-        `forces`: whether it has the forces on the bodies, too.
+        Args:
+            simulation: What will run.
+            steps: The most that it takes.
+            forces: Whether it has the forces on the bodies, too.
+            mesh_error: Whether it has the error of the mesh at each node.
+
+        Raises SceneError: the steps need more memory than there is, or are none; the error is not estimated.
         """
         if not isinstance(steps, int | np.integer) or steps < 1:
             raise SceneError(f"steps is {shown(steps)}; it must be a whole number, at least 1")
@@ -111,6 +122,12 @@ class Recording:
             shapes["ball"] = (7,)
         if rigid:
             shapes["rigid"] = (rigid, 7)
+        if mesh_error:
+            if (field := simulation.mesh_error_field()) is None:
+                raise SceneError(
+                    "field 'mesh_error': the scene does not estimate it; add [mesh_error], or --set mesh_error={}"
+                )
+            shapes["mesh_error"] = field.shape
         size = 8.0 * steps * sum(math.prod(shape) for shape in shapes.values())
         if size > MOST_BYTES:
             raise SceneError(
@@ -128,11 +145,11 @@ class Recording:
         there = {*shapes, *self._still, "event_times"}
         if forces:
             self._forces = RecordedForces(simulation, steps, MOST_BYTES - size)
-            self._still |= self._forces.still
             there |= {"force_points", "force_vectors"}
         self._still["units"] = np.array(json.dumps({n: unit for n, unit in UNITS.items() if n in there}))
         self._events: list[tuple[float, str]] = []
         self.count, self.dt, self.fields = 0, simulation.scene.dt, simulation.fields
+        self.with_mesh_error = mesh_error
 
     def add(self, simulation: Simulation) -> None:
         """Add the present state of `simulation`. Raises SceneError where there is no room for one more."""
@@ -160,6 +177,8 @@ class Recording:
                 a[name][k] = _row(pose)
         for i, pose in enumerate(simulation.rigid):
             a["rigid"][k, i] = _row(pose)
+        if "mesh_error" in a:
+            a["mesh_error"][k] = simulation.mesh_error_field()
         if self._forces:
             self._forces.add(simulation, k)
         event = simulation.ball_event
@@ -190,32 +209,25 @@ class Recording:
 
 
 class RecordedForces:
-    """The forces on the bodies in each step of a run: as many as there are then.
-
-    Attributes:
-        still: Arrays that stay the same.
-    """
+    """The forces on the bodies in each step of a run: as many as there are then."""
 
     def __init__(self, simulation: Simulation, steps: int, most: float) -> None:
         """`steps`: the most that it takes; `most`: bytes."""
         from tripod_sim.acting_forces import UNITS  # noqa: PLC0415 - only on request
 
         simulation.keep_forces()
-        self._names, self._most = simulation.force_groups, most
-        units = [UNITS[name] for name in self._names]
-        self.still = {
-            "force_names": np.array(self._names, dtype=str),
-            "force_units": np.array(units, dtype=str),
-        }
-        self._counts: IndexArray = np.zeros((steps, len(self._names)), dtype=np.int64)
+        self._units, self._most = UNITS, most
+        self._there = set(simulation.force_groups)
+        self._counts: IndexArray = np.zeros((steps, len(UNITS)), dtype=np.int64)
         self._ends: IndexArray = np.zeros(steps + 1, dtype=np.int64)
         self._rows: FloatArray = np.zeros((256, 6))
 
     def add(self, simulation: Simulation, k: int) -> None:
         """Add those of step `k`. Raises SceneError where they need too much memory."""
         groups, end = simulation.forces(), int(self._ends[k])
-        for g, group in enumerate(groups):
-            count = self._counts[k, g] = len(group.points)
+        self._there.update(simulation.force_groups)  # there are more as soon as somebody applies some
+        for group in groups:
+            count = self._counts[k, list(self._units).index(group.name)] = len(group.points)
             if end + count > len(self._rows):
                 room = 2 * (end + count)
                 if 48.0 * room > self._most:
@@ -231,8 +243,12 @@ class RecordedForces:
     def arrays(self, first: int, end: int) -> dict[str, Any]:
         """Return those of the steps from `first` to before `end`."""
         rows = self._rows[self._ends[first] : self._ends[end]]
+        there = [g for g, name in enumerate(self._units) if name in self._there]
+        names = [name for name in self._units if name in self._there]
         return {
-            "force_counts": self._counts[first:end],
+            "force_names": np.array(names, dtype=str),
+            "force_units": np.array([self._units[name] for name in names], dtype=str),
+            "force_counts": self._counts[first:end, there],
             "force_points": rows[:, :3],
             "force_vectors": rows[:, 3:],
         }

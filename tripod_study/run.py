@@ -45,6 +45,7 @@ def run(
     overrides: Sequence[str] = (),
     out: Path | None = None,
     forces: bool = False,
+    mesh_error: bool = False,
     recorded: Callable[[Recording], None] | None = None,
     progress: Callable[[float], None] | None = None,
     say: Callable[[str], None] | None = None,
@@ -64,6 +65,7 @@ def run(
         out: File (`.npz`) for every step, see `tripod_study.recording`; of the steps that were made, if the run breaks
             off.
         forces: Whether the recording has the forces on the bodies.
+        mesh_error: Whether it has the error of the mesh at each node.
         recorded: Called before the first step with the recording, which grows with each step; None: there is none
             unless `out` is given.
         progress: Called with the finished fraction after each step.
@@ -104,7 +106,9 @@ def run(
         simulation = Simulation(description, progress, say=say, noted=noted)
     if say:
         say("")
-    recording = Recording(simulation, steps, forces=forces) if out or recorded else None
+    recording = (
+        Recording(simulation, steps, forces=forces, mesh_error=mesh_error) if out or recorded else None
+    )
     if recording and recorded:
         recorded(recording)
     books = EnergyBooks(simulation.energies(), *simulation.joint_work())

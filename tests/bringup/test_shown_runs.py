@@ -15,8 +15,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.messages import assert_names, line_naming, raises_naming
+from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene, scene_names
+from tripod_sim.fields import FIELDS
 from tripod_sim.tables.short_forms import effector_of, joints_of
 from tripod_study.recording import Recording
 from tripod_view.player.html import write_html
@@ -311,3 +313,27 @@ def test_a_recording_takes_the_steps_that_it_was_made_for(tmp_path: Path) -> Non
 def test_a_recording_of_no_steps_is_refused(steps: Any) -> None:
     with raises_naming(SceneError, "steps", steps, "whole number", "at least 1"):
         Recording(Simulation(load_scene("pendulum")), steps)
+
+
+def test_a_film_has_the_mesh_error_if_the_run_recorded_it(tmp_path: Path) -> None:
+    out, plain, page = tmp_path / "run.npz", tmp_path / "plain.npz", tmp_path / "run.html"
+    words = ["run", SHARP, "--duration", "0.05", "-q", "--set", "clamp.stiffness=1.4e10", "--set"]
+    estimated = [*words, "mesh_error={}", "--set", "mesh_error.share=1e6"]
+    assert tripod(*estimated, "--colour", "mesh_error", "--out", str(out)).exit_code == 0
+    assert tripod(*estimated, "--out", str(plain)).exit_code == 0
+    with np.load(out) as arrays:
+        errors, k = arrays["mesh_error"], len(arrays["time"])
+        assert errors.shape == (k, arrays["positions"].shape[1])
+        assert 1e-5 < errors[-1].max() < 5e-3
+        high = errors.max()
+    assert tripod("show", str(out), "--colour", "mesh_error", "--html", str(page)).exit_code == 0
+    colouring = stage_of(page)["colouring"]
+    assert colouring["name"] == FIELDS["mesh_error"].label
+    assert colouring["limits"][1] == pytest.approx(high)
+    for command in (
+        ["show", str(plain), "--colour", "mesh_error", "--html", str(page)],
+        [*words, "damping.mass=1", "--colour", "mesh_error", "--out", str(plain)],
+    ):
+        result = tripod(*command)
+        assert result.exit_code == 2
+        assert_names(result.output, "mesh_error", "[mesh_error]")

@@ -1,6 +1,7 @@
 """Recordings as numbers, curves and a page: what independent readers of these formats find in them."""
 
 import csv
+import json
 import struct
 from pathlib import Path
 
@@ -258,3 +259,20 @@ def test_a_recording_of_which_nothing_can_be_read_says_why_nothing_is_written(
     err = capfd.readouterr().err
     assert_names(err, "left out", f"{file}: byte")
     assert err.count("\n") == 1
+
+
+def test_a_page_of_a_recording_has_colours_and_forces(tmp_path: Path) -> None:
+    found = run_session("tripod", ("mesh.level=1",), steps=30, seed=6)
+    path, page = write_session(found, tmp_path / "session"), tmp_path / "session.html"
+    words = ["bag", "html", str(path), str(page), "--colour"]
+    assert CliRunner().invoke(app, [*words, "von_mises", "--forces"]).exit_code == 0
+    text = page.read_text()
+    stage = json.loads(text.partition('id="film" type="application/json">')[2].partition("</script>")[0])
+    assert stage["colouring"]["name"] == "von Mises stress"
+    assert [(arrows["name"], arrows["longest"] > 0) for arrows in stage["arrows"]] == [
+        (name, True) for name in ("reaction", "reaction moment", "servo torque", "weight")
+    ]
+    for field, named in (("mesh_error", "[mesh_error]"), ("tension", "tension"), ("none", "von_mises")):
+        result = CliRunner().invoke(app, [*words, field])
+        assert result.exit_code == 2
+        assert_names(result.output, field, named)

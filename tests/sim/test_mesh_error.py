@@ -14,6 +14,7 @@ from tripod_sim.effects.strain_limit import StrainLimit
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh_error import estimate
 from tripod_sim.mesh_error.estimate import finer, richer
 from tripod_sim.mesh_error.external_loads import ExternalLoads, alone, interpolation
@@ -22,6 +23,7 @@ from tripod_sim.scene.lowering import lowered
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.contact import Contact
 from tripod_sim.tables.sets import Fixed, Load
+from tripod_study.recording import Recording
 from tripod_study.summary.errors import effector_error
 
 W = -1.4965
@@ -412,3 +414,51 @@ def test_the_stiffness_that_a_refusal_names_is_accepted() -> None:
     most = re.search(r"at most ([\d.e+]+)", str(refused.value))
     assert most
     load_scene(SHARP, [f"clamp.stiffness={most[1]}", "mesh_error={}"])
+
+
+def test_each_node_errs_as_estimated_and_the_steps_stay_the_same() -> None:
+    """Against the same pose on quadratic elements of half the size: nodes in the strips, of which most err."""
+    words = [CLAMP, "solver.max_turn=0.3", *STILL]
+    body = Simulation(load_scene(SHARP, [*words, ALWAYS]))
+    unseen = Simulation(load_scene(SHARP, [*words, ALWAYS]))
+    true = Simulation(load_scene(SHARP, [*words, "mesh.element=h20", "mesh.level=9"]))
+    for joints in TURNED:
+        for simulation in (body, unseen, true):
+            simulation.step(joints)
+        body.mesh_error_field()
+    np.testing.assert_array_equal(body.positions, unseen.positions)
+    assert body.report.mesh_error == unseen.report.mesh_error
+    found = body.mesh_error_field()
+    assert found is not None and found.shape == (len(body.skin.nodes),)
+    assert isinstance(true.mesh, SolidMesh)
+    nodes, weights = interpolation(true.mesh, body.mesh.nodes)
+    apart = np.einsum("pa,pai->pi", weights, (true.positions - true.mesh.nodes)[nodes])
+    error = np.linalg.norm(apart - (body.positions - body.mesh.nodes), axis=1)
+    large = error > 0.2 * error.max()
+    assert large.mean() > 0.2
+    share = found / error
+    assert (np.abs(np.log2(share[large])) < 1).all(), (share[large].min(), share[large].max())
+
+
+def test_a_body_that_the_richer_mesh_changes_nothing_of_has_no_error() -> None:
+    """Without weight, at rest undeformed."""
+    words = [CLAMP, "gravity=off", *STILL, ALWAYS]
+    body = Simulation(load_scene(SHARP, words))
+    body.step()
+    found = body.mesh_error_field()
+    assert found is not None
+    np.testing.assert_allclose(found, 0.0, atol=1e-9)  # [m]
+
+
+def test_the_field_is_unknown_where_forces_are_applied_and_absent_without_an_estimate() -> None:
+    body = Simulation(load_scene(SHARP, [CLAMP, ALWAYS]))
+    body.apply_forces({0: np.array([0.0, 0.0, 1e-3])})
+    body.step()
+    found = body.mesh_error_field()
+    assert found is not None and np.isnan(found).all()
+    plain = Simulation(load_scene(SHARP))
+    assert plain.mesh_error_field() is None
+    with raises_naming(SceneError, "mesh_error", "[mesh_error]"):
+        Recording(plain, 1, mesh_error=True)
+    with raises_naming(SceneError, "mesh_error", "Simulation.mesh_error_field"):
+        body.fields().values(["mesh_error"], body.positions)

@@ -203,6 +203,17 @@ class MeshError:
             self._modal_error.see()
         return self._report(state.time)
 
+    def field(self) -> FloatArray:
+        """Return how far the nodes of the body's mesh are from the richer one at rest [m], shape (n,).
+
+        That is the last estimate: nothing is solved here. It is NaN where the error is not known.
+        """
+        if self._astray or not np.isfinite(self._at_rest).all():
+            return np.full(len(self._rest), np.nan)
+        assert self._own
+        place, seen = self._own.positions, self._seen.positions[: len(self._rest)]
+        return np.asarray(np.linalg.norm(self._outside.places(place) - seen, axis=1))
+
     def _report(self, at: float) -> MeshErrorReport:
         """Return the last error at rest, of the time `at` [s], as it swings now."""
         (x, y, z), (dx, dy, dz) = (

@@ -88,6 +88,7 @@ class ExternalLoads:
         joints = system.groups.joints
         self._count, self._state = len(mesh.nodes), system.start_state(np.zeros(joints))
         self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
+        self._rest, self._fine_rest = mesh.nodes, richer.system.rest
         self._held = system.groups.held()
         self._disc, self._fine_disc = system.groups.rigid[0], richer.system.groups.rigid[0]
         none = np.zeros(0, dtype=np.int64)
@@ -177,6 +178,10 @@ class ExternalLoads:
                 sticks[v] |= held
                 self._normal[v] = normal
         return along, sticks
+
+    def places(self, x: FloatArray) -> FloatArray:
+        """Return where the richer mesh, its nodes at `x` [m], has the nodes of the body's own [m], shape (n, 3)."""
+        return self._rest + np.einsum("pa,pai->pi", self._weights, (x - self._fine_rest)[self._nodes])
 
     def placed(self, state: State) -> State:
         """Return the body alone as it is in `state`, with its system evaluated there; the next call overwrites it."""

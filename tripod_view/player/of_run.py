@@ -103,7 +103,7 @@ SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "still_vertices": (None, 3), "still_triangles": (None, 3), "maze_vertices": (None, 3), "maze_triangles": (None, 3),
     "maze_goal": (4,), "event_times": (None,), "actuator_positions": (STEPS, None), "actuator_efforts": (STEPS, None),
     "cables": (STEPS, None, 3), "cable_points": (None,), "force_counts": (STEPS, None), "force_points": (None, 3),
-    "force_vectors": (None, 3),
+    "force_vectors": (None, 3), "mesh_error": (STEPS, None),
 }  # fmt: skip
 """Shapes of the arrays of numbers; None: any length."""
 
@@ -149,7 +149,9 @@ def film_of(
     scene = _scene(str(arrays["scene"]))
     dt = _number(scene, "dt", default=np.nan)
     times = np.asarray(arrays["time"], float)[steps]
-    numbers = fields(arrays["positions"][steps]) if fields else ()
+    numbers = list(fields(arrays["positions"][steps])) if fields else []
+    if "mesh_error" in arrays:
+        numbers.append(Field("mesh error", "m", arrays["mesh_error"][steps]))
     return Film(
         title=str(scene.get("name", "run")),
         description=str(scene.get("description", "")),
@@ -188,6 +190,8 @@ def _check_arrays(arrays: Arrays) -> None:
         raise FilmError(f"triangles: number {bad[0]} names nodes outside 0 to {nodes - 1}")
     if (bodies < 0).any() or bodies.sum() > nodes:
         raise FilmError(f"bodies: they have {bodies.tolist()[:8]} nodes; there are {nodes}")
+    if "mesh_error" in arrays and arrays["mesh_error"].shape[1] != nodes:
+        raise FilmError(f"mesh_error: a film needs a number of each of {nodes} nodes")
     if "cables" in arrays:
         counts = arrays.get("cable_points", np.zeros(0, int))
         named = len(arrays.get("cable_names", ())) == len(counts)
