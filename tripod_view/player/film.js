@@ -25,6 +25,28 @@ function rough(bytes, n) {
   return out;
 }
 
+// Arrows of each picture, points and vectors, from what `_packed_arrows` of packing.py made of them.
+function arrowsOf(counts, low, step, part, bytes) {
+  const total = bytes.length / 12, found = []; // low bytes of three coordinates and three components, then high ones
+  const whole = new Int16Array(6 * total);
+  let first = 0, before = 0, had = 0;
+  for (const count of counts) {
+    for (let j = 0; j < count; j++) for (let c = 0; c < 6; c++) {
+      const at = c * total + first + j, folded = bytes[at] | bytes[6 * total + at] << 8;
+      whole[at] = (folded >> 1 ^ -(folded & 1)) + (j < had ? whole[c * total + before + j] : 0);
+    }
+    const points = new Float32Array(3 * count), vectors = new Float32Array(3 * count);
+    for (let i = 0; i < 3 * count; i++) {
+      const a = i % 3, at = a * total + first + (i - a) / 3;
+      points[i] = low[a] + step[a] * whole[at];
+      vectors[i] = part * whole[3 * total + at];
+    }
+    found.push({ points, vectors });
+    [before, had, first] = [first, count, first + count];
+  }
+  return found;
+}
+
 class Film {
   constructor(stage) {
     this.stage = stage;
@@ -55,14 +77,8 @@ class Film {
       });
     });
     reel.arrows.forEach((arrow, a) => {
-      const counts = read(arrow.counts), points = read(arrow.points), vectors = read(arrow.vectors);
       this.stage.arrows[a].longest = Math.max(this.stage.arrows[a].longest, arrow.longest);
-      let first = 0;
-      for (const count of counts) {
-        const [from, to] = [3 * first, 3 * (first + count)];
-        this.arrows[a].push({ points: points.subarray(from, to), vectors: vectors.subarray(from, to) });
-        first += count;
-      }
+      this.arrows[a].push(...arrowsOf(read(arrow.counts), read(arrow.low), read(arrow.step), arrow.part, read(arrow.rows)));
     });
     let moving = 0;
     this.stage.pieces.forEach((piece, p) => {
