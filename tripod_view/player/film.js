@@ -53,6 +53,8 @@ class Film {
     this.times = [];
     this.bodies = stage.bodies.map(() => []); // for each picture {low, step, whole}
     this.fields = stage.bodies.map((body) => body.fields.map(() => [])); // for each picture {low, step, codes}
+    this.ends = stage.bodies.map((body) => body.fields.map(() => [Infinity, -Infinity])); // lowest and highest value
+    this.moved = []; // of each body: up to which picture, how far
     this.arrows = stage.arrows.map(() => []); // for each picture {points, vectors}
     this.poses = stage.pieces.map(() => []);
     this.curves = stage.curves.map(() => []);
@@ -73,6 +75,9 @@ class Film {
       reel.bodies[b].fields.forEach((field, f) => {
         const codes = read(field.codes), m = body.nodes;
         for (let i = m; i < codes.length; i++) codes[i] += codes[i - m]; // wraps
+        const [low, high] = this.ends[b][f];
+        if (codes.some((code) => code !== MISSING))
+          this.ends[b][f] = [Math.min(low, field.low), Math.max(high, field.low + (MISSING - 1) * field.step)];
         for (let i = 0; i < k; i++) this.fields[b][f].push({ low: field.low, step: field.step, codes: codes.subarray(m * i, m * i + m) });
       });
     });
@@ -115,6 +120,16 @@ class Film {
   values(b, f, [i], out) {
     const { low, step, codes } = this.fields[b][f][i];
     for (let j = 0; j < out.length; j++) out[j] = codes[j] === MISSING ? NaN : low + step * codes[j];
+  }
+
+  // Lowest and highest value in all pictures of field f of body b; without f of the displacement.
+  limits(b, f) {
+    if (f >= 0) return this.ends[b][f];
+    const out = new Float32Array(this.stage.bodies[b].nodes), [from, so] = this.moved[b] ?? [0, 0];
+    let high = so;
+    for (let i = from; i < this.length; i++) { this.displacement(b, [i, 0], out); for (const v of out) if (v > high) high = v; }
+    this.moved[b] = [this.length, high];
+    return [0, high];
   }
 
   // How far nodes of body b are from where they were in the first picture.
