@@ -18,6 +18,8 @@ POINT_CLOUD: Final = "sim/point_cloud"
 SCENE: Final = "sim/scene"
 COMMANDS: Final = "sim/commands"
 CHECKPOINT: Final = "sim/checkpoint"
+FIELD: Final = "sim/field"
+FORCES: Final = "sim/forces"
 APPLIED_FORCES: Final = "sim/applied_forces"
 SIM_JOINT_STATES: Final = "sim/joint_states"
 EFFECTOR_POSE: Final = "sim/effector_pose"
@@ -40,6 +42,12 @@ ROBOT_DESCRIPTION: Final = "robot_description"
 CLOCK: Final = "/clock"
 TF: Final = "/tf"
 TF_STATIC: Final = "/tf_static"
+
+
+def field_topic(name: str) -> str:
+    """Return the topic of a field of the soft bodies."""
+    return f"{FIELD}/{name}"
+
 
 FOLLOW_JOINT_TRAJECTORY: Final = "follow_joint_trajectory"
 """The action, behind `sim/` and `robot/`."""

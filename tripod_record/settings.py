@@ -1,19 +1,19 @@
 """Parameters of the node."""
 
-from tripod_graph.names import MARKERS, POINT_CLOUD
+from tripod_graph.names import FIELD, FORCES, MARKERS, POINT_CLOUD
 from tripod_graph.parameters import Parameter
 from tripod_record.chunk import COMPRESSIONS
 from tripod_record.place import MEGABYTE
 
-DERIVED = (MARKERS, POINT_CLOUD)
-"""Topics that can be computed from others; they are three quarters of all bytes, and made for those who listen."""
+DERIVED = (MARKERS, POINT_CLOUD, f"{FIELD}/*", FORCES)
+"""Topics that can be computed from others: made for those who listen, and several times as large as all others."""
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("directory", "recordings", "Directory in which recordings are made"),
     Parameter("name", "", "Name of the recording; empty: date and time; a number is added if taken"),
     Parameter("topics", "", "Topics or patterns (*, ?) to record, parted by spaces or commas; empty: all"),
     Parameter("exclude", "/rosout /parameter_events", "Topics or patterns not to record"),
-    Parameter("derived", False, f"Record {' and '.join(DERIVED)} too, which follow from other topics"),
+    Parameter("derived", False, f"Record {', '.join(DERIVED)} too, which follow from other topics"),
     Parameter("autostart", True, "Record from the start on, without waiting for record/start"),
     Parameter("compression", "zstd", "Compression of the file", choices=COMPRESSIONS),
     Parameter(

@@ -9,7 +9,8 @@ from geometry_msgs.msg import Pose as PoseMessage
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
-from tripod_msgs.msg import BodyState, Compliance
+from tripod_msgs.msg import BodyState, Compliance, Field
+from tripod_msgs.msg import Forces as ForcesMessage
 
 from tripod_graph.names import SLIDE, WORLD, servo_names
 from tripod_host.arrays import FloatArray, IndexArray
@@ -17,7 +18,9 @@ from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_runtime.input_log import APPLIED, HEAD
 from tripod_runtime.notices import known
 from tripod_runtime.realtime import Snapshot
+from tripod_sim.acting_forces import UNITS
 from tripod_sim.compliance import Compliance as Linearised
+from tripod_sim.fields import FIELDS
 from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.simulation import Pose, Skin
 from tripod_sim.tables.joints import Joints
@@ -98,6 +101,26 @@ def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
     return BodyState(
         header=header(snapshot.stamp), topology_id=mesh.topology_id, step=snapshot.step, time=snapshot.time,
         positions=flat(snapshot.positions),
+    )  # fmt: skip
+
+
+def field_message(name: str, values: FloatArray, snapshot: Snapshot, mesh: Skin) -> Field:
+    """Return a field at the vertices of `mesh`, shape (v,), of a snapshot."""
+    return Field(
+        header=header(snapshot.stamp), topology_id=mesh.topology_id, step=snapshot.step, time=snapshot.time,
+        unit=FIELDS[name].unit, values=array.array("f", values.astype(np.float32).tobytes()),
+    )  # fmt: skip
+
+
+def forces_message(snapshot: Snapshot) -> ForcesMessage:
+    """Return the forces on the bodies."""
+    groups, none = snapshot.forces, np.zeros((0, 3))
+    points = np.concatenate([none, *(group.points for group in groups)])
+    vectors = np.concatenate([none, *(group.vectors for group in groups)])
+    return ForcesMessage(
+        header=header(snapshot.stamp), step=snapshot.step, time=snapshot.time, names=[g.name for g in groups],
+        units=[UNITS[g.name] for g in groups], counts=[len(g.points) for g in groups], points=flat(points),
+        vectors=flat(vectors),
     )  # fmt: skip
 
 

@@ -275,6 +275,7 @@ class SimNode(Node):
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
         self._introspection.keep(snapshot)
+        self._topics.publish_forces(snapshot)
         if self._resimulation:
             self._resimulation.compare()
         if (c := messages.compliance_message(snapshot, self._arms)) is not None:
@@ -299,6 +300,7 @@ class SimNode(Node):
     def _on_body_timer(self) -> None:
         snapshot = self._physics.latest
         now = time.monotonic()
+        self._physics.want_forces = self._topics.forces.get_subscription_count() > 0
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
         self._shown, self._shown_at = snapshot, now

@@ -29,6 +29,9 @@ WINDOW = 1.0
 ENERGY_PERIOD = 0.05
 """Shortest time between two looks at the energies while the physics runs [s]; they cost a fifth of a step."""
 
+FORCES_PERIOD = 0.1
+"""Shortest time between two looks at the forces while the physics runs [s]; they may cost more than a step."""
+
 BEHIND = 0.95
 """Real-time factor below which the physics is too slow; a replay may have asked for less."""
 
@@ -62,7 +65,7 @@ class Snapshot:
         event: What has become of the ball, in words; empty while nothing has.
         left_out: Rigid bodies that the last compliance leaves out; empty while nobody needs any.
         pushed: Whether somebody applied forces in this step.
-        forces: What acts on the bodies, where somebody wants to know; empty at other times.
+        forces: What acts on the bodies, every `FORCES_PERIOD` while somebody wants to know; else empty.
     """
 
     stamp: int
@@ -148,7 +151,7 @@ class RealTime(threading.Thread):
         self._period = dt / rate
         self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
         self._done: deque[tuple[float, float]] = deque(maxlen=self._taken.maxlen)
-        self._energies_due = float("-inf")
+        self._energies_due = self._forces_due = float("-inf")
         self.compliance_period = compliance_period
         self._missed = 0
         self._requests = threading.Condition()
@@ -309,10 +312,11 @@ class RealTime(threading.Thread):
             except StepError:
                 answer = None  # singular just here; the next one follows
         forces: tuple[Forces, ...] = ()
-        if self.want_forces:
+        now = clock.monotonic()
+        if self.want_forces and (self.activity is not Activity.RUNNING or now >= self._forces_due):
             simulation.keep_forces()
             forces = simulation.forces()
-        now = clock.monotonic()
+            self._forces_due = now + FORCES_PERIOD if forces else now
         if self.activity is not Activity.RUNNING or now >= self._energies_due:
             self._energies, self._energies_due = simulation.energies(), now + ENERGY_PERIOD
         return Snapshot(

@@ -1,16 +1,18 @@
 """What a node publishes of the body and the scene: the mesh and what else there is to draw, then positions."""
 
+import time
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
 from std_msgs.msg import String
-from tripod_msgs.msg import BodyState
+from tripod_msgs.msg import BodyState, Field, Forces
 from visualization_msgs.msg import MarkerArray
 
 from tripod_graph import names
-from tripod_graph.qos import LATCHED, SENSOR
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_runtime import messages
 from tripod_runtime.markers import SceneMarkers
 from tripod_runtime.realtime import Snapshot
@@ -18,12 +20,21 @@ from tripod_sim.maze.board_mesh import board_mesh
 from tripod_sim.scene.file import scene_to_toml
 from tripod_sim.simulation import Simulation
 
+if TYPE_CHECKING:
+    from tripod_sim.fields import NodalFields
+
+FIELD_PERIOD = 0.1
+"""Shortest time between two messages of a field [s]."""
+
+FIELD_SHARE = 0.1
+"""Largest share of the time in which fields are computed: large ones come less often."""
+
 
 class SceneTopics:
-    """Publishes mesh, maze, ball and scene of a simulation, and its body; markers and cloud while someone listens.
+    """Publishes mesh, maze, ball and scene of a simulation, and its body; all else while someone listens.
 
     Attributes:
-        markers, cloud: Publishers of what is made only for those who listen.
+        markers, cloud, fields, forces: Publishers of what is made only for those who listen; fields by name.
         drawn: The markers of the simulation.
     """
 
@@ -32,6 +43,13 @@ class SceneTopics:
         self._body = node.create_publisher(BodyState, names.BODY_STATE, SENSOR)
         self.markers = node.create_publisher(MarkerArray, names.MARKERS, SENSOR)
         self.cloud = node.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
+        self.fields = {
+            name: node.create_publisher(Field, names.field_topic(name), RELIABLE)
+            for name in simulation.field_names
+        }
+        self.forces = node.create_publisher(Forces, names.FORCES, RELIABLE)
+        self._nodal: NodalFields | None = None
+        self._fields_due = float("-inf")
         self._mesh = node.create_publisher(Mesh, names.MESH, LATCHED)
         self._maze = node.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
         self._ball = node.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
@@ -51,9 +69,30 @@ class SceneTopics:
     def publish(self, snapshot: Snapshot) -> None:
         """Publish a snapshot of the simulation that is shown."""
         positions = snapshot.positions
+        self._publish_fields(snapshot)
         snapshot = replace(snapshot, positions=self._simulation.shown(positions))
         self._body.publish(messages.body_message(snapshot, self._skin))
         if self.markers.get_subscription_count():
             self.markers.publish(self.drawn.serialised(snapshot, self._simulation.cables(positions)))
         if self.cloud.get_subscription_count():
             self.cloud.publish(messages.cloud_message(snapshot))
+
+    def _publish_fields(self, snapshot: Snapshot) -> None:
+        """Publish the fields that somebody listens to, if they are due."""
+        heard = [name for name, publisher in self.fields.items() if publisher.get_subscription_count()]
+        if not heard:
+            self._nodal = None
+            return
+        begun = time.monotonic()
+        if begun < self._fields_due:
+            return
+        if self._nodal is None:
+            self._nodal = self._simulation.fields()
+        for name, values in self._nodal.values(heard, snapshot.positions).items():
+            self.fields[name].publish(messages.field_message(name, values, snapshot, self._skin))
+        self._fields_due = begun + max(FIELD_PERIOD, (time.monotonic() - begun) / FIELD_SHARE)
+
+    def publish_forces(self, snapshot: Snapshot) -> None:
+        """Publish the forces of a snapshot that has them; any thread."""
+        if snapshot.forces:
+            self.forces.publish(messages.forces_message(snapshot))

@@ -72,6 +72,19 @@ FIELDS: Final[Mapping[str, NodalField]] = {
 shape. At a node of springs, stretch (length over rest length) and tension are the largest of its springs."""
 
 
+def names_of(terms: Iterable[ElasticTerm]) -> tuple[str, ...]:
+    """Return the names of the fields that bodies with these terms of the strain energy have."""
+    terms = list(terms)
+    solid, spring = (
+        any(term.solid is not None for term in terms),
+        any(term.links is not None for term in terms),
+    )
+    return tuple(
+        name for name, field in FIELDS.items()
+        if name == "displacement" or (field.solid and solid) or (field.spring and spring)
+    )  # fmt: skip
+
+
 def extrapolation(kind: Element) -> FloatArray:
     """Return the matrix from values at the integration points of an element to those at its nodes, shape (n, q)."""
     functions = kind.plain.functions
@@ -99,10 +112,7 @@ class NodalFields:
         self._solids = [_SolidValues(arrays, term) for term, arrays in solids]
         self._springs = [term.links for term in terms if term.links is not None]
         self._mean = _volume_mean([arrays for _, arrays in solids], len(undeformed)) if solids else None
-        self.names = tuple(
-            name for name, field in FIELDS.items()
-            if name == "displacement" or (field.solid and solids) or (field.spring and self._springs)
-        )  # fmt: skip
+        self.names = names_of(terms)
 
     def values(self, names: Iterable[str], positions: FloatArray) -> dict[str, FloatArray]:
         """Return fields at the shown vertices, by name, each of shape (v,).

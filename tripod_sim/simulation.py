@@ -691,6 +691,13 @@ class Simulation:
 
         return NodalFields(self._system.elastic.terms, self.mesh.nodes, self.owners)
 
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """Names of the fields that `fields` computes."""
+        from tripod_sim.fields import names_of  # noqa: PLC0415 - only on request
+
+        return names_of(self._system.elastic.terms)
+
     @cached_property
     def owners(self) -> NDArray[np.int64]:
         """The node of `mesh` with which each node of `skin` moves, shape (k,)."""

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,9 @@ class Bodies:
         inside = ((surface.triangles >= first) & (surface.triangles < end)).all(axis=1)
         triangles = surface.triangles[inside] - first
         nodes = surface.nodes[first:end]
-        more = {"deforms": True, "name": part.name, "first": first}
+        more: dict[str, Any] = {"deforms": True, "name": part.name, "first": first}
+        if part.kind != "rigid":
+            more["rest"] = nodes.astype(np.float32)
         return self._drawing.mesh(f"/bodies/{number}", nodes, triangles, colour, **more)
 
     def set_nodes(self, positions: FloatArray) -> None:

@@ -19,7 +19,7 @@ from tripod_view.pose import Pose
 
 Rgb = tuple[int, int, int]
 
-NUMBERS = {"vertices": np.float32, "triangles": np.uint32}
+NUMBERS = {"vertices": np.float32, "rest": np.float32, "triangles": np.uint32}
 """Properties that are arrays, by name: they are sent as bytes, in little-endian order."""
 
 
@@ -101,6 +101,7 @@ class Drawing:
         - `mesh`: `vertices`, shape (n, 3); `triangles`, shape (m, 3); `colour`; `deforms`: whether its vertices will
           move; `through`: whether it is seen through others, faintly; `fits`: whether the camera is fitted to it;
           of a body that can be picked `name` and `first`, the number of its first vertex among those of all;
+          of a soft one `rest`, its undeformed vertices;
         - `lines`: `vertices`, shape (2 n, 3), ends of pieces; `colour`;
         - `points`: `vertices`, shape (n, 3); `colour`; `size` [m];
         - `label`: `text`;

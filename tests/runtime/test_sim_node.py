@@ -12,6 +12,7 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 from rclpy.duration import Duration
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
 
@@ -134,6 +135,10 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
     monkeypatch.setattr(messages, "cloud_message", counted(names.POINT_CLOUD, messages.cloud_message))
     frames = counted(names.TF, transforms.arm_frames)
     monkeypatch.setattr(transforms, "arm_frames", frames)
+    field = names.field_topic("von_mises")
+    monkeypatch.setattr(messages, "field_message", counted(field, messages.field_message))
+    forces = counted(names.FORCES, physics._simulation.forces)
+    monkeypatch.setattr(physics._simulation, "forces", forces)
     compliance = counted(names.COMPLIANCE, physics._simulation.compliance)
     monkeypatch.setattr(physics._simulation, "compliance", compliance)
 
@@ -154,11 +159,49 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
     graph.wait(lambda: all(made[topic] > before[topic] for topic in QUIET), "more of what is heard")
     for ear in ears:
         graph.ear.destroy_subscription(ear)
-    node = graph.node
-    for publisher in (node._topics.markers, node._topics.cloud, node._compliance):
+    node, topics = graph.node, graph.node._topics
+    for publisher in (
+        topics.markers,
+        topics.cloud,
+        topics.fields["von_mises"],
+        topics.forces,
+        node._compliance,
+    ):
         graph.wait(lambda p=publisher: p.get_subscription_count() == 0, "the end of the subscription")
-    graph.wait(lambda: not physics.want_compliance, "the end of compliances")
+    graph.wait(
+        lambda: not (physics.want_compliance or physics.want_forces), "the end of compliances and forces"
+    )
     assert unheard() == dict.fromkeys(QUIET, 0)
+
+
+def test_fields_and_forces_are_those_of_the_simulation(make) -> None:
+    graph = make().start()
+    simulation, stress = graph.node._physics.simulation, names.field_topic("von_mises")
+    graph.listen(stress)
+    every = graph.listen_to_all(names.FORCES)
+    field = graph.next(stress, lambda f: f.step > 10)
+    body = graph.next(names.BODY_STATE)
+    assert (field.unit, field.topology_id, field.header.frame_id) == ("Pa", body.topology_id, "world")
+    forces = graph.wait(lambda: every and every[-1], "forces")
+    assert list(forces.names) == ["reaction", "reaction moment", "servo torque", "weight"]
+    assert list(forces.units) == ["N", "N m", "N m", "N"]
+    assert list(forces.counts) == [3, 3, 3, 1]
+    assert len(forces.points) == len(forces.vectors) == 3 * 10
+    graph.pause(True)
+    step = graph.node._physics.latest.step
+    field = graph.next(stress, lambda f: f.step == step)
+    expected = simulation.fields().values(["von_mises"], simulation.positions)["von_mises"]
+    np.testing.assert_allclose(field.values, expected, rtol=1e-6)
+    assert field.time == pytest.approx(simulation.state.time)
+    graph.call(names.SIM_STEP, Trigger.Request())
+    told = graph.wait(lambda: next((f for f in every if f.step == step + 1), None), "forces of the step")
+    expected = simulation.forces()
+    np.testing.assert_array_equal(
+        np.reshape(told.vectors, (-1, 3)), np.concatenate([f.vectors for f in expected])
+    )
+    np.testing.assert_array_equal(
+        np.reshape(told.points, (-1, 3)), np.concatenate([f.points for f in expected])
+    )
 
 
 def test_it_begins_in_stop_and_ignores_commands(make) -> None:

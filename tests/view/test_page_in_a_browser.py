@@ -5,11 +5,16 @@ picture, its figures; `FakeSimulator` moves the joints. So the page is driven as
 """
 
 import json
+import re
 import shutil
 import time
+import tomllib
 from collections.abc import Iterator, Sequence
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -18,6 +23,7 @@ pytest.importorskip("playwright")
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from matplotlib.image import imread
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -25,7 +31,7 @@ from tripod_msgs.msg import ControlMode
 
 from tests import messages
 from tests.domains import own_domain
-from tests.view.shown_scene import show
+from tests.view.shown_scene import show, told
 from tests.view.stage import DEADLINE, Stage
 from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
@@ -197,10 +203,10 @@ def test_every_control_of_every_scene_does_what_it_says(
             press_everything(opened, stage, shown, asked)
             if shown["servos"]:
                 drive(opened, stage)
-                assert_every_plot_is_drawn(opened, "servos")
+                assert_every_plot_is_drawn(opened)
             elif shown["joints"]:
                 drive_others(opened, stage)
-                assert_every_plot_is_drawn(opened, "others")
+                assert_every_plot_is_drawn(opened)
             assert opened.errors == [], scene
         opened.page.locator("#begin").click()
         assert opened.page.locator("#start").count() == 0
@@ -242,16 +248,17 @@ def check(seen: dict[str, Any], shown: dict[str, Any], size: str) -> None:
         messages.assert_names(seen["bound"], percent(accuracy["bound"]))
 
 
-def assert_every_plot_is_drawn(opened: Opened, kind: str) -> None:
-    """Each plot of the moving joints of a kind has a curve: something coloured, which the grid is not."""
+def assert_every_plot_is_drawn(opened: Opened) -> None:
+    """Each plot has a curve: something coloured, which the grid is not."""
     opened.page.evaluate("document.querySelector('#plots').open = true")
     opened.wait(
-        """[...document.querySelectorAll("#plots .only-KIND canvas")].every((canvas) => {
+        """document.querySelectorAll("#plots canvas").length > 1
+            && [...document.querySelectorAll("#plots canvas")].every((canvas) => {
             const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
             const spread = (k) => Math.max(...data.slice(k, k + 3)) - Math.min(...data.slice(k, k + 3));
             for (let k = 0; k < data.length; k += 4) if (data[k + 3] > 200 && spread(k) > 60) return true;
             return false;
-        })""".replace("KIND", kind)
+        })"""
     )
 
 
@@ -642,5 +649,99 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
         before = place(opened, "servo 0")
         stage.sim.publish_ball(0.03, -0.02, 0.03)
         stage.wait(lambda: place(opened, "servo 0") != before)
+        assert opened.errors == []
+    stage.sim.publish_game(False)
+
+
+def pick(opened: Opened) -> str:
+    """Click on the middle of the picture, a little off the target's handle, and return what is told of the node."""
+    left, top, right, bottom = stage_box(opened)
+    opened.page.mouse.click(0.5 * (left + right) + 60, 0.5 * (top + bottom) + 12)
+    opened.wait("document.querySelector('#picked').textContent")
+    return opened.page.locator("#picked").text_content() or ""
+
+
+def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "drape")
+    with Opened(browser, stage, "screen") as opened:
+        opened.text("#panel h1", "drape")
+        opened.press("Just watch", "Top")
+        found = re.fullmatch(r"(.+), node (\d+) at \[(.+)\] m; moved .+m", pick(opened))
+        assert found
+        node, part = int(found[2]), next(p for p in told("drape")[0]["parts"] if p["name"] == found[1])
+        rest = told("drape")[2][part["first"] + node]
+        place = [float(v) for v in found[3].split(",")]
+        np.testing.assert_allclose(place[:2], rest[:2], atol=1e-4)  # it ripples along z
+        opened.press("Set")
+        lines = tomllib.loads(opened.page.locator("#set").text_content())["set"][0]
+        np.testing.assert_allclose(lines["centre"], rest, atol=1e-5)
+        nodes = told("drape")[2][part["first"] : part["first"] + part["count"]]
+        assert (np.linalg.norm(nodes - lines["centre"], axis=1) < lines["radius"]).nonzero()[0].tolist() == [
+            node
+        ]
+        opened.press("Plot")
+        opened.text("#plots", f"{found[1]}, node {node}")
+        assert opened.errors == []
+
+
+def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        page = opened.page
+        opened.text("#panel h1", "tripod")
+        assert page.locator(".plot").count() == 0
+        page.locator("#plots summary").dispatch_event("click")
+        opened.wait("document.querySelectorAll('.plot').length === 2")
+        opened.wait("document.querySelectorAll('#more option').length > 10")
+        for key in ("servo torques: servo 1", "effector: z"):
+            page.locator("#more").select_option(label=key)
+        page.locator("#more").select_option(label="effector: x → effector: z")
+        opened.text(".plot:nth-child(4) .legend", "z", "x")
+        opened.text(".plot:nth-child(3) .legend", "servo 1", "-0.02")
+        page.locator("[aria-label='remove the plot: servo angles']").dispatch_event("click")
+        opened.wait("document.querySelectorAll('.plot').length === 3")
+        with page.expect_download() as download:
+            page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
+        assert download.value.suggested_filename == "effector_ z.csv"
+        head, *rows = Path(download.value.path()).read_text().splitlines()
+        assert head == '"time [s]","simulated time [s]","z [mm]","x [mm]"'
+        times = np.array([row.split(",")[0] for row in rows], float)
+        assert (np.diff(times) > 0).all()
+        with page.expect_download() as download:
+            page.locator("[aria-label='save the plot: effector: z']").dispatch_event("click")
+        assert Path(download.value.path()).read_bytes()[:4] == b"\x89PNG"
+        page.evaluate("Plots.prototype.draw = () => { window.drawn = (window.drawn ?? 0) + 1; }")
+        opened.wait("window.drawn > 1")
+        page.locator("#plots summary").dispatch_event("click")
+        opened.wait("!document.querySelector('#plots').open")
+        page.wait_for_timeout(100)
+        before = page.evaluate("window.drawn")
+        page.wait_for_timeout(500)
+        assert page.evaluate("window.drawn") == before
+        assert opened.errors == []
+
+
+def test_the_path_of_the_ball_is_drawn(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.002)
+    with Opened(browser, stage, "screen") as opened:
+        opened.text("#panel h1", "maze")
+        opened.press("Just watch", "Top")
+        stage.wait(
+            lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or opened.page.locator("#path").is_visible()
+        )
+        opened.press("Path")
+        assert opened.page.locator("#path").get_attribute("aria-pressed") == "true"
+
+        def is_drawn() -> bool:
+            for x in (0.01, 0.05):
+                stage.sim.publish_ball(x, -0.04, 0.03)
+                opened.page.wait_for_timeout(300)
+            picture = imread(BytesIO(opened.page.locator("#picture").screenshot(scale="css")))[..., :3]
+            return (np.abs(picture - np.array([194, 24, 91]) / 255).max(axis=2) < 0.2).sum() > 30
+
+        stage.wait(is_drawn)
+        opened.press("Path")
+        assert opened.page.locator("#path").get_attribute("aria-pressed") == "false"
         assert opened.errors == []
     stage.sim.publish_game(False)

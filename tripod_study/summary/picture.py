@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from tripod_sim.fields import FIELDS
 from tripod_sim.scene.description import DISC_HEIGHT, standing
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.robot import Effector, ServoDynamics
@@ -21,7 +22,8 @@ def picture(simulation: Simulation) -> dict[str, Any]:
 
     Keys: name, description, dt, parts (name, kind, first, count: nodes of the skin, in order), obstacles (vertices,
     triangles, flat), held (points that never move), joints (names of all that is commanded but the slide), cables
-    (name, nodes, weights, fixed, see `Embedding`), servos, effector, maze, ball (None where the scene has none), note.
+    (name, nodes, weights, fixed, see `Embedding`), servos, effector, maze, ball (None where the scene has none), fields
+    (name, unit, signed, see `NodalField`), note.
     """
     scene = simulation.scene
     (obstacles, note), effector = _obstacles(simulation), effector_of(scene)
@@ -40,6 +42,10 @@ def picture(simulation: Simulation) -> dict[str, Any]:
         "effector": {"radius": effector.radius, "height": _height(effector)} if effector else None,
         "maze": _maze(simulation),
         "ball": {"radius": scene.ball.radius} if scene.ball else None,
+        "fields": [
+            {"name": name, "unit": FIELDS[name].unit, "signed": FIELDS[name].signed}
+            for name in simulation.field_names
+        ],
         "note": "; ".join(filter(None, (note, not_drawn))),
     }
 

@@ -3,7 +3,6 @@
 
 const KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array, f8: Float64Array };
 const MISSING = 255; // code of a value of a field that is missing
-const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 
 async function unpack(text) {
   const raw = atob(text), bytes = new Uint8Array(raw.length);

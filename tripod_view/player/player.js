@@ -106,7 +106,9 @@ async function main() {
   const colours = new Colours(film, view), picked = [];
   const seek = (t) => { time = clamp(t, film.start, film.end); redraw(); };
   const jump = (t) => { play(false); seek(t); };
-  const plots = new Plots(byId("panels"), film, jump, save);
+  const plots = new Plots(byId("panels"), film, jump);
+  stage.curves.forEach(({ title, unit, names, limits }, c) =>
+    plots.show(title, names.map((name, n) => plots.offer(title, name, unit, (i) => film.curves[c][i][n])), limits));
   const happened = document.createElement("ul"), source = document.createElement("p");
   source.className = "source"; source.textContent = stage.source;
   byId("panels").append(happened, source);
@@ -227,17 +229,21 @@ async function main() {
     byId("picked").textContent = `${stage.bodies[b].name}, node ${node} at [${at.join(", ")}] m${value ? `; ${value}` : ""}`;
   }
 
-  let down = null;
-  canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; });
-  canvas.addEventListener("pointerup", (e) => {
-    if (!down || Math.hypot(e.clientX - down[0], e.clientY - down[1]) > 4) return;
-    const hit = view.pick(e);
+  onPick(view, (hit) => {
     picked.splice(0, picked.length, ...(hit ? [hit.part, hit.node] : []));
     byId("picked").textContent = "";
     byId("plot-picked").hidden = byId("picked").hidden = !hit;
     redraw();
   });
-  byId("plot-picked").addEventListener("click", () => { plots.addNode(...picked); redraw(); });
+  byId("plot-picked").addEventListener("click", () => { plotNode(...picked); redraw(); });
+
+  function plotNode(b, node) {
+    const title = `${stage.bodies[b].name}, node ${node}`;
+    plots.show(title, ["x", "y", "z"].map((axis, a) => plots.offer(title, axis, "mm", (i) => {
+      const { low, step, whole } = film.bodies[b][i];
+      return 1000 * (low[a] + step[a] * whole[3 * node + a]);
+    })));
+  }
 
   splitAt(byId("split"), (width) => { byId("panels").style.width = `${width}px`; redraw(); });
 

@@ -6,6 +6,7 @@ import { controls } from "./controls.js";
 import { cards } from "./cards.js";
 import { hands } from "./hands.js";
 import { keys } from "./keys.js";
+import { tellPicked } from "./picked.js";
 import { plots } from "./plots.js";
 import { replay } from "./replay.js";
 import { scene } from "./scene.js";
@@ -16,8 +17,9 @@ const panel = element("aside", { id: "panel", "aria-label": "Controls" });
 const stop = element("button", { id: "stop", title: "All commands off: the robot holds, then moves to its park pose (Space, Esc)" }, "STOP");
 stop.addEventListener("click", () => send({ press: "STOP" }));
 
-const view = scene();
-place(panel, [status(), controls(), hands(view), replay(), cards(), plots()]);
+const view = scene(), { card, plotNode } = plots(view);
+place(panel, [status(), controls(), hands(view), replay(), cards(), card]);
+if (view) tellPicked(view, plotNode);
 place(document.body, [panel, stop, start(), view ? null : noPicture(), element("div", { id: "lost" }, "connection lost: trying again. If the program was started again, open the address that its terminal shows")]);
 keys();
 

@@ -1,80 +1,154 @@
-// The last 20 s of the joints and of the real-time factor.
+// Plots of the last minute of all that the page knows; numbers are kept only while the card is open.
 
 import { listen, value } from "./channel.js";
-import { element, place, section } from "./dom.js";
+import { section } from "./dom.js";
 
-const SPAN = 20; // [s]
-const LEFT = 74, EDGE = 12, LINE = 22; // of the numbers beside the curves, above and below them, of a line of text [px]
+const SPAN = 60; // what is kept [s]
+const PERIOD = 50, REDRAWN = 100; // [ms]
+const PLACES = { "/effector": "effector", "/ball": "ball", "/target": "target" };
+const AXES = ["x", "y", "z"];
+const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", work: "work of the servos", lost: "lost" };
 
-export function plots() {
-  const angles = plot("servo angles (°)", "only-servos");
-  const others = plot("other actuators (% of their ranges)", "only-others");
-  const factor = plot("simulated / real time", "");
-  listen("joints", (joints) => joints.angles && angles.add(turning(joints.angles), value("colours") ?? [], ...span()));
-  listen("joints", (joints) => joints.angles && others.add(shares(joints.angles), value("colours") ?? [], 0, 100));
-  listen("run", (run) => run && factor.add([run.factor], ["#2f9e44"], 0, 1.5));
-  return section("plots", "Plots", [angles.node, others.node, factor.node], false);
-}
-
-// Of values of all joints those of the servos, which come first.
-function turning(values) {
-  return values.filter((_, i) => value("kinds")?.[i]?.servo ?? true);
-}
-
-// Of values of all joints those of the others, which have different units.
-function shares(values) {
-  const range = value("range") ?? [];
-  const share = (v, i) => 100 * (v - range[i][0]) / (range[i][1] - range[i][0]);
-  return values.flatMap((v, i) => (range[i] && !(value("kinds")?.[i]?.servo ?? true) ? [share(v, i)] : []));
-}
-
-function span() {
-  const range = turning(value("range") ?? [[-120, 35]]);
-  if (!range.length) return [-120, 35];
-  return [Math.min(...range.map((r) => r[0])), Math.max(...range.map((r) => r[1]))];
-}
-
-function plot(title, kind) {
-  const canvas = element("canvas", { width: 600, height: 180, role: "img", "aria-label": title });
-  const box = element("figure", kind ? { class: kind } : {});
-  const rows = [];
-  place(box, [element("figcaption", {}, title), canvas]);
-  function add(values, colours, low, high) {
-    const now = performance.now() / 1e3;
-    if (rows.length && rows[0][1].length !== values.length) rows.length = 0; // another robot
-    rows.push([now, values]);
-    while (now - rows[0][0] > SPAN) rows.shift();
-    if (!canvas.offsetParent) return; // nobody looks
-    draw(canvas, rows, now, colours, low, high);
-  }
-  return { node: box, add };
-}
-
-function draw(canvas, rows, now, colours, low, high) {
-  const pen = canvas.getContext("2d");
-  const { width, height } = canvas;
-  const x = (time) => width - (width - LEFT) * ((now - time) / SPAN);
-  const y = (value) => height - EDGE - ((value - low) / (high - low)) * (height - 2 * EDGE);
-  pen.clearRect(0, 0, width, height);
-  pen.font = "20px sans-serif";
-  pen.fillStyle = pen.strokeStyle = "#868e96";
-  pen.textAlign = "right";
-  pen.textBaseline = "middle";
-  pen.lineWidth = 1;
-  const middle = low < 0 && high > 0 ? 0 : 1;
-  const apart = [low, high].every((end) => Math.abs(y(middle) - y(end)) >= LINE);
-  for (const mark of apart ? [low, middle, high] : [low, high]) {
-    pen.beginPath();
-    pen.moveTo(LEFT, y(mark));
-    pen.lineTo(width, y(mark));
-    pen.stroke();
-    pen.fillText(String(Math.round(10 * mark) / 10), LEFT - 8, y(mark));
-  }
-  pen.lineWidth = 3;
-  rows[0][1].forEach((_, k) => {
-    pen.strokeStyle = colours[k % colours.length] ?? "#333";
-    pen.beginPath();
-    rows.forEach(([time, values], n) => pen[n ? "lineTo" : "moveTo"](x(time), y(values[k])));
-    pen.stroke();
+// What can be plotted now, each [title, name, unit, value]; `view`: of the scene, or null.
+function quantities(view) {
+  const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
+  const add = (title, name, unit, number, factor = 1) => found.push([title, name, unit, factor * (number ?? NaN)]);
+  (value("kinds") ?? []).forEach(({ name, unit, back, servo }, i) => {
+    const title = servo ? "servo angles" : `actuators [${unit}]`;
+    add(title, name, unit, joints?.angles?.[i]);
+    add(`${title}, commanded`, name, unit, joints?.asked?.[i]);
+    add(servo ? "servo torques" : `in return [${back}]`, name, back, joints?.torques?.[i]);
   });
+  if (value("scene")?.slide_max) add("slide", "slide", "mm", joints?.slide);
+  for (const [path, name] of Object.entries(PLACES)) {
+    const place = view?.placeOf(path);
+    if (place) AXES.forEach((axis, a) => add(name, axis, "mm", place[a], 1e3));
+  }
+  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", figures?.energy?.[key], 1e3);
+  add("real-time factor", "simulated / real time", "", run?.factor);
+  add("time of a step", "median", "ms", run?.step, 1e3);
+  add("time of a step", "p99", "ms", run?.p99, 1e3);
+  add("estimated errors", "time steps", "mm", run?.time_error, 1e3);
+  add("estimated errors", "time steps at the effector", "mm", run?.effector_time_error, 1e3);
+  add("contact", "pairs near each other", "", figures?.contacts);
+  add("contact", "pairs that press", "", figures?.pressed);
+  add("contact distances", "smallest gap", "mm", figures?.smallest_gap, 1e3);
+  add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
+  add("contact distances", "error", "mm", figures?.contact_error, 1e3);
+  add("residual", "residual", "N", figures?.residual);
+  add("halvings", "steps halved", "", figures?.halvings);
+  add("stability margin", "least", "", figures?.stability_margin?.[0]);
+  for (const { name, part, node } of picked) {
+    const title = `${name}, node ${node}`, place = view.vertex(part, node), rest = place && view.rest(part, node);
+    AXES.forEach((axis, a) => add(title, axis, "mm", place?.[a], 1e3));
+    if (rest) add(`${title}, moved`, "displacement", "mm", Math.hypot(...place.map((v, a) => v - rest[a])), 1e3);
+  }
+  return found;
+}
+
+// Numbers by series and time, as `plot.js` takes them.
+class Minute {
+  constructor() {
+    Object.assign(this, { times: [], columns: new Map() });
+    this.clock = this.column("simulated time", "s");
+  }
+
+  get lists() { return [this.times, this.clock.values, ...[...this.columns.values()].map(({ values }) => values)]; }
+
+  empty() { for (const list of this.lists) list.length = 0; }
+
+  get length() { return this.times.length; }
+  get start() { return this.times[0] ?? 0; }
+  get end() { return this.times[this.length - 1] ?? 0; }
+
+  at(time) {
+    const after = this.times.findIndex((t) => t > time);
+    return [after < 0 ? Math.max(this.length - 1, 0) : Math.max(after - 1, 0)];
+  }
+
+  column(name, unit) {
+    const values = this.times.map(() => NaN);
+    return { name, unit, values, at: (i) => values[i] };
+  }
+
+  // `found`: as `quantities` returns it; `made`: called with each quantity that is new.
+  add(time, clock, found, made) {
+    for (const [title, name, unit, number] of found) {
+      const key = `${title}: ${name}`;
+      if (this.columns.has(key) || !Number.isFinite(number)) continue;
+      this.columns.set(key, this.column(name, unit));
+      made(title, name, unit, this.columns.get(key).at);
+    }
+    const now = new Map(found.map(([title, name, , number]) => [`${title}: ${name}`, number]));
+    this.times.push(time);
+    this.clock.values.push(clock);
+    for (const [key, { values }] of this.columns) values.push(now.get(key) ?? NaN);
+    const old = this.times.findIndex((t) => t >= time - SPAN);
+    if (old > 0) for (const list of this.lists) list.splice(0, old);
+  }
+}
+
+const picked = []; // nodes that are plotted: name, part, node
+
+// The card; `view`: of the scene, or null. Returns it, and `plotNode`, which plots a node of a body.
+export function plots(view) {
+  const card = section("plots", "Plots", [], false), minute = new Minute();
+  let timer = 0, drawn = 0, held = null, wanted = [];
+  const all = new Plots(card, minute, (time) => { held = time; });
+  for (const name of ["pointerup", "pointerleave"]) all.box.addEventListener(name, () => { held = null; });
+
+  // What is shown at first: the joints, or the energies; and how fast it goes.
+  function begin() {
+    const kinds = value("kinds") ?? [];
+    const titles = [...new Set(kinds.map(({ servo, unit }) => (servo ? "servo angles" : `actuators [${unit}]`)))];
+    wanted = [...(titles.length ? titles : ["energies"]), "real-time factor"];
+  }
+
+  // Whether there is something of that title to be shown.
+  function show(title) {
+    const series = [...all.series].filter(([key]) => key.startsWith(`${title}: `)).map(([, s]) => s);
+    if (series.length) all.show(title.replace(/ \[.*\]$/, ""), series);
+    return series.length > 0;
+  }
+
+  function sample() {
+    if (!value("scene") || document.body.classList.contains("past")) return;
+    const now = performance.now(), before = all.series.size;
+    minute.add(now / 1e3, value("run")?.time ?? NaN, quantities(view), (...quantity) => all.offer(...quantity));
+    wanted = wanted.filter((title) => !show(title));
+    if (all.series.size !== before) all.refresh();
+    if (now - drawn < REDRAWN) return;
+    drawn = now;
+    all.draw(held ?? minute.end);
+  }
+
+  function again() {
+    minute.empty();
+    minute.columns.clear();
+    all.clear();
+    picked.length = 0;
+    held = null;
+    begin();
+  }
+
+  card.addEventListener("toggle", () => {
+    clearInterval(timer);
+    minute.empty();
+    if (card.open) timer = setInterval(sample, PERIOD);
+  });
+  let known = "";
+  const changed = () => { // another scene has other quantities
+    const now = JSON.stringify([value("scene")?.name, (value("kinds") ?? []).map(({ name, unit }) => [name, unit])]);
+    if (now !== known) { known = now; again(); }
+  };
+  listen("scene", changed);
+  listen("kinds", changed);
+
+  function plotNode(node) {
+    picked.push(node);
+    wanted.push(`${node.name}, node ${node.node}`);
+    card.open = true;
+    card.scrollIntoView({ block: "nearest" });
+  }
+  return { card, plotNode };
 }

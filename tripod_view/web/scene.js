@@ -5,6 +5,7 @@ import { value } from "./channel.js";
 const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
+const WAY = 2000; // places of a path that are kept
 const FOLLOWED = { "/ball": "ball", "/effector": "effector" };
 
 const colour = (rgb) => new THREE.Color(...rgb.map((c) => c / 255));
@@ -19,6 +20,7 @@ class LiveView extends View {
     this.all = new Map();
     this.lined = true;
     this.followed = "";
+    this.way = null; // numbers of the path, if it is drawn
     this.root = new THREE.Group();
     this.world = new THREE.Group();
     this.root.add(this.world);
@@ -51,10 +53,11 @@ class LiveView extends View {
       const alive = new Set(head.alive);
       for (const number of [...this.all.keys()]) if (!alive.has(number)) this.drop(number);
     }
-    for (const { number, vertices, triangles, ...rest } of head.nodes ?? []) {
+    for (const { number, vertices, triangles, rest: undeformed, ...rest } of head.nodes ?? []) {
       const node = this.all.get(number) ?? this.add(number, rest);
       Object.assign(node, rest);
       if (vertices) this.shape(node, floats(vertices), triangles && whole(triangles));
+      if (undeformed) node.undeformed = floats(undeformed);
       if (rest.pose && !node.dragged) { node.group.position.fromArray(rest.pose); node.group.quaternion.fromArray(rest.pose, 3); }
       if ("visible" in rest) node.group.visible = rest.visible;
       if (rest.colour) for (const material of [node.material, node.faint]) if (material) material.color = colour(rest.colour);
@@ -251,9 +254,47 @@ class LiveView extends View {
       .map(({ number, name, first, body, geometry }) => ({ part: number, name, first, mesh: body, geometry }));
   }
 
+  // Where a node of a soft body is in the undeformed body [m], or null.
+  rest(part, node) {
+    const { undeformed } = this.all.get(part) ?? {};
+    return node < undeformed?.count ? [undeformed.getX(node), undeformed.getY(node), undeformed.getZ(node)] : null;
+  }
+
+  // Length of the shortest edge at a node of a soft body, undeformed [m].
+  edge(part, node) {
+    const { geometry, undeformed } = this.all.get(part), { array } = geometry.index, T = THREE;
+    const [here, there] = [new T.Vector3().fromBufferAttribute(undeformed, node), new T.Vector3()];
+    let shortest = Infinity;
+    for (let i = 0; i < array.length; i++) {
+      const corners = [0, 1, 2].map((c) => array[i - i % 3 + c]);
+      if (array[i] !== node && corners.includes(node)) shortest = Math.min(shortest, there.fromBufferAttribute(undeformed, array[i]).distanceTo(here));
+    }
+    return shortest;
+  }
+
+  // Where what has a path is [m], or null.
+  placeOf(path) {
+    const node = this.node(path);
+    return node && this.isSeen(node.group) ? node.group.position.toArray() : null;
+  }
+
+  // ---- the path of what is followed, the ball or the effector
+
+  showPath(shown) { this.way = shown ? [] : null; this.trail([]); }
+
+  walk() {
+    const path = [this.followed, ...Object.keys(FOLLOWED)].find((one) => one && this.placeOf(one));
+    if (path !== this.walker) [this.walker, this.way] = [path, []];
+    const place = path && this.placeOf(path), far = place && place.map((v, a) => v - (this.way.at(a - 3) ?? Infinity));
+    if (place && !(Math.hypot(...far) < 1e-3 * this.stage.camera.radius)) this.way.push(...place);
+    if (this.way.length > 3 * WAY) this.way.splice(0, 3);
+    this.trail(this.way);
+  }
+
   // ---- drawing
 
   render() {
+    if (this.way) this.walk();
     const followed = this.followed && this.node(this.followed);
     if (followed) this.origin = followed.group.position.toArray();
     this.root.position.set(...this.origin.map((v) => -v));
@@ -337,7 +378,7 @@ export function scene() {
 // Lets what is there be followed.
 function offerFollow(view) {
   const select = byId("follow"), there = ["", ...Object.keys(FOLLOWED).filter((path) => view.node(path)?.group.visible)];
-  select.parentElement.hidden = there.length === 1;
+  select.parentElement.hidden = byId("path").hidden = there.length === 1;
   if (select.length === there.length && there.every((path, i) => select.options[i].value === path)) return;
   const chosen = there.includes(select.value) ? select.value : "";
   select.replaceChildren();
@@ -352,6 +393,7 @@ function tools(view, redraw) {
   const cameras = all(cameraActions(view));
   const more = all({
     lines: () => { view.showLines(!view.lined); pressed("lines", view.lined); },
+    path: () => { view.showPath(!view.way); pressed("path", Boolean(view.way)); },
     shot: async () => {
       const name = value("scene")?.name || "tripod", time = value("run")?.time;
       save(`${name}.png`, await view.screenshot(BACKGROUND, [time === undefined ? name : `${name}, ${time.toFixed(2)} s`]));
@@ -359,7 +401,7 @@ function tools(view, redraw) {
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),
     help: () => toggleSheet(false), // STOP works on
   });
-  const keys = { home: "r", fit: "f", front: "w", side: "s", lines: "l", aside: "h", help: "?" };
+  const keys = { home: "r", fit: "f", front: "w", side: "s", lines: "l", path: "c", aside: "h", help: "?" };
   addTools(byId("camera-tools"), cameras, keys);
   addTools(byId("page-tools"), more, keys);
   pressed("lines", view.lined);

@@ -14,6 +14,7 @@ const TOOLS = { // what stands on a button, and what it does
 const SWITCHES = ["below", "lines", "path", "pull", "panel", "aside"]; // stay pressed
 
 const byId = (id) => document.getElementById(id);
+const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 
 function length(metres) {
   const short = (v) => String(Number(v.toPrecision(3)));
@@ -59,6 +60,16 @@ function cameraActions(view) {
 function toggleSheet(modal) {
   const sheet = byId("sheet");
   if (sheet.open) sheet.close(); else if (modal) sheet.showModal(); else sheet.show();
+}
+
+// Calls `heard` with what a click on the picture picks, or null; the end of a drag is none.
+function onPick(view, heard) {
+  let down = null;
+  view.canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; });
+  view.canvas.addEventListener("pointerup", (e) => {
+    if (down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) <= 4) heard(view.pick(e));
+    down = null;
+  });
 }
 
 // Lets `bar` be dragged: `sized` gets the width that is right of it [px].

@@ -205,11 +205,12 @@ class View {
       this.path.renderOrder = 3;
       this.scene.add(this.path);
     }
-    if (this.path.room !== points.length) {
+    if (!(this.path.room >= points.length)) {
       this.path.geometry.dispose();
-      this.path.geometry = new T.BufferGeometry().setAttribute("position", new T.BufferAttribute(new Float32Array(points.length), 3));
-      this.path.room = points.length;
+      this.path.room = 2 * points.length;
+      this.path.geometry = new T.BufferGeometry().setAttribute("position", new T.BufferAttribute(new Float32Array(this.path.room), 3));
     }
+    this.path.geometry.setDrawRange(0, points.length / 3);
     const { position } = this.path.geometry.attributes;
     for (let i = 0; i < points.length; i++) position.array[i] = points[i] - this.origin[i % 3];
     position.needsUpdate = true;

@@ -1,5 +1,6 @@
 "use strict";
-// Plots of numbers over time. A series has a name, a unit, and a value for each picture.
+// Plots of numbers over time. A record has the `times` of its entries, their number `length`, `start` and `end`, and
+// `at(time)`, of which the first item is the entry at that time. A series has a name, a unit and a value `at` each entry.
 
 const COLOURS = ["#d64045", "#1f77b4", "#945abe", "#2a9d5c", "#e08a00", "#555"];
 const MARGIN = { left: 46, right: 6, top: 6, bottom: 18 }; // about the area of the curves
@@ -15,7 +16,7 @@ const ticked = (v, step) => step < 1e-5 || step >= 1e7 ? (Math.abs(v) < step / 2
 
 class Plot {
   constructor(plots, title, unit, series, limits) {
-    Object.assign(this, { plots, film: plots.film, title, unit, series, limits });
+    Object.assign(this, { plots, record: plots.record, title, unit, series, limits });
     this.box = document.createElement("section");
     this.box.className = "plot";
     const head = document.createElement("h2");
@@ -29,8 +30,8 @@ class Plot {
       button.addEventListener("click", act);
       tools.append(button);
     };
-    tool("CSV", "save the numbers", () => plots.save(`${title}.csv`, new Blob([this.csv()], { type: "text/csv" })));
-    tool("PNG", "save the plot", () => this.canvas.toBlob((blob) => plots.save(`${title}.png`, blob)));
+    tool("CSV", "save the numbers", () => save(`${title}.csv`, new Blob([this.csv()], { type: "text/csv" })));
+    tool("PNG", "save the plot", () => this.canvas.toBlob((blob) => save(`${title}.png`, blob)));
     tool("×", "remove the plot", () => plots.remove(this));
     this.legend = document.createElement("div");
     this.legend.className = "legend";
@@ -40,7 +41,7 @@ class Plot {
     this.box.append(head, this.legend, this.canvas);
     const pick = (e) => {
       const box = this.canvas.getBoundingClientRect(), wide = box.width - MARGIN.left - MARGIN.right;
-      plots.jump(this.film.start + clamp((e.clientX - box.left - MARGIN.left) / wide, 0, 1) * (this.film.end - this.film.start));
+      plots.jump(this.record.start + clamp((e.clientX - box.left - MARGIN.left) / wide, 0, 1) * (this.record.end - this.record.start));
     };
     this.canvas.addEventListener("pointerdown", (e) => { this.canvas.setPointerCapture(e.pointerId); pick(e); });
     this.canvas.addEventListener("pointermove", (e) => { if (e.buttons) pick(e); });
@@ -48,14 +49,15 @@ class Plot {
 
   csv() {
     const quoted = (text) => `"${text.replaceAll('"', '""')}"`;
-    const rows = [["time [s]", ...this.series.map((s) => `${s.name} [${s.unit}]`)].map(quoted).join(",")];
-    this.film.times.forEach((t, i) => rows.push([t, ...this.series.map((s) => (Number.isFinite(s.at(i)) ? s.at(i) : ""))].join(",")));
+    const columns = this.record.clock ? [this.record.clock, ...this.series] : this.series;
+    const rows = [["time [s]", ...columns.map((s) => `${s.name} [${s.unit}]`)].map(quoted).join(",")];
+    this.record.times.forEach((t, i) => rows.push([t, ...columns.map((s) => (Number.isFinite(s.at(i)) ? s.at(i) : ""))].join(",")));
     return `${rows.join("\n")}\n`;
   }
 
   range() {
     let low = Infinity, high = -Infinity;
-    for (const s of this.series) for (let i = 0; i < this.film.length; i++) {
+    for (const s of this.series) for (let i = 0; i < this.record.length; i++) {
       const v = s.at(i);
       if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
     }
@@ -67,14 +69,14 @@ class Plot {
   }
 
   draw(time) {
-    const { film, canvas } = this, ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const { record, canvas } = this, ratio = clamp(window.devicePixelRatio || 1, 1, 2);
     const width = canvas.clientWidth, height = canvas.clientHeight, pen = canvas.getContext("2d");
-    if (!width || !film.length) return;
+    if (!width || !record.length) return;
     canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const { low, high, near } = this.range(), span = film.end - film.start || 1;
+    const { low, high, near } = this.range(), span = record.end - record.start || 1;
     const w = width - MARGIN.left - MARGIN.right, h = height - MARGIN.top - MARGIN.bottom;
-    const x = (t) => MARGIN.left + (t - film.start) / span * w, y = (v) => MARGIN.top + h - (v - low) / (high - low) * h;
+    const x = (t) => MARGIN.left + (t - record.start) / span * w, y = (v) => MARGIN.top + h - (v - low) / (high - low) * h;
     const line = (colour, dash, ...points) => {
       pen.strokeStyle = colour; pen.setLineDash(dash); pen.beginPath();
       points.forEach(([a, b], i) => (i ? pen.lineTo(a, b) : pen.moveTo(a, b)));
@@ -87,10 +89,10 @@ class Plot {
     pen.lineWidth = 1; pen.font = "11px system-ui, sans-serif";
     const across = tick(span, w / 70), up = tick(high - low, h / 30);
     pen.textAlign = "center"; pen.textBaseline = "top";
-    for (let t = Math.ceil(film.start / across - 1e-9) * across; t <= film.end + 1e-9 * span; t += across) {
+    for (let t = Math.ceil(record.start / across - 1e-9) * across; t <= record.end + 1e-9 * span; t += across) {
       line("#dfe5ea", [], [x(t), MARGIN.top], [x(t), MARGIN.top + h]);
       pen.fillStyle = "#667";
-      pen.fillText(`${ticked(t, across)}${t + across > film.end + 1e-9 * span ? " s" : ""}`, Math.min(x(t), width - 14), MARGIN.top + h + 4);
+      pen.fillText(`${ticked(t, across)}${t + across > record.end + 1e-9 * span ? " s" : ""}`, Math.min(x(t), width - 14), MARGIN.top + h + 4);
     }
     pen.textAlign = "right"; pen.textBaseline = "middle";
     for (let v = Math.ceil(low / up) * up; v <= high; v += up) {
@@ -99,69 +101,73 @@ class Plot {
       pen.fillText(ticked(v, up), MARGIN.left - 4, y(v));
     }
     for (const v of near) line("#c33", [4, 3], [MARGIN.left, y(v)], [MARGIN.left + w, y(v)]);
-    const stride = Math.max(1, Math.floor(film.length / (2 * w)));
+    const stride = Math.max(1, Math.floor(record.length / (2 * w)));
     this.series.forEach((s, c) => {
       pen.strokeStyle = COLOURS[c % COLOURS.length]; pen.setLineDash([]); pen.lineWidth = 1.4; pen.beginPath();
       let drawing = false;
-      for (let i = 0; i < film.length; i += stride) {
+      for (let i = 0; i < record.length; i += stride) {
         const v = s.at(i);
         if (!Number.isFinite(v)) { drawing = false; continue; }
-        if (drawing) pen.lineTo(x(film.times[i]), y(v)); else pen.moveTo(x(film.times[i]), y(v));
+        if (drawing) pen.lineTo(x(record.times[i]), y(v)); else pen.moveTo(x(record.times[i]), y(v));
         drawing = true;
       }
       pen.stroke();
     });
     pen.lineWidth = 1;
     line("#222", [], [x(time), MARGIN.top], [x(time), MARGIN.top + h]);
-    const [i] = film.at(time);
+    const [i] = record.at(time);
     this.legend.replaceChildren(...this.series.flatMap((s, c) => {
       const name = document.createElement("b"), v = s.at(i);
       name.style.color = COLOURS[c % COLOURS.length];
       name.textContent = `${s.name} `;
-      return [name, `${Number.isFinite(v) ? ticked(v, (high - low) / 100) : "–"}  `];
+      return [name, `${Number.isFinite(v) ? String(Number(v.toPrecision(4))) : "–"}  `];
     }));
   }
 }
 
 class Plots {
-  constructor(parent, film, jump, save) {
-    Object.assign(this, { film, jump, save, plots: [] });
+  // Below `parent`, of `record`; `jump`: called with a time that is chosen in a plot.
+  constructor(parent, record, jump) {
+    Object.assign(this, { record, jump, plots: [], series: new Map() });
     this.box = document.createElement("div");
     this.more = document.createElement("select");
     this.more.id = "more";
     this.more.setAttribute("aria-label", "add a plot");
     parent.append(this.box, this.more);
-    this.series = new Map();
-    film.stage.curves.forEach((curve, c) => {
-      const series = curve.names.map((name, n) => ({ name, unit: curve.unit, at: (i) => film.curves[c][i][n] }));
-      this.add(new Plot(this, curve.title, curve.unit, series, curve.limits));
-      series.forEach((s) => this.series.set(`${curve.title}: ${s.name}`, s));
-    });
     this.more.addEventListener("change", () => {
-      const [where, key] = this.more.value.split("|"), s = this.series.get(key);
-      this.more.value = "";
+      const { value } = this.more, bar = value.indexOf("|"), where = value.slice(0, bar), key = value.slice(bar + 1);
+      const s = this.series.get(key);
       if (!s) return;
-      if (where === "new") this.add(new Plot(this, key, s.unit, [s], []));
-      else this.plots[Number(where)].series.push(s);
+      if (where === "new") this.show(key, [s]); else this.plots[Number(where)].series.push(s);
       this.refresh();
-      jump(this.time);
+      this.draw(this.time);
     });
     this.refresh();
   }
 
-  add(plot) { this.plots.push(plot); this.box.append(plot.box); this.refresh(); }
+  // Lets a quantity be plotted; returns its series. `at`: its value by the number of an entry.
+  offer(title, name, unit, at) {
+    const made = { name, unit, at };
+    this.series.set(`${title}: ${name}`, made);
+    return made;
+  }
+
+  // Adds a plot of series of one unit; `limits`: lines across it.
+  show(title, series, limits = []) {
+    const plot = new Plot(this, title, series[0].unit, series, limits);
+    this.plots.push(plot);
+    this.box.append(plot.box);
+    this.refresh();
+  }
 
   remove(plot) { plot.box.remove(); this.plots.splice(this.plots.indexOf(plot), 1); this.refresh(); }
 
-  // Adds the coordinates of a node of body b.
-  addNode(b, node) {
-    const { film } = this, name = `${film.stage.bodies[b].name}, node ${node}`;
-    const series = ["x", "y", "z"].map((axis, a) => ({ name: axis, unit: "mm", at: (i) => {
-      const { low, step, whole } = film.bodies[b][i];
-      return 1000 * (low[a] + step[a] * whole[3 * node + a]);
-    } }));
-    series.forEach((s) => this.series.set(`${name}: ${s.name}`, s));
-    this.add(new Plot(this, name, "mm", series, []));
+  // Forgets all plots and series.
+  clear() {
+    this.box.replaceChildren();
+    this.plots.length = 0;
+    this.series.clear();
+    this.refresh();
   }
 
   // Lists what can be added, and to which plot: to those of its unit.
