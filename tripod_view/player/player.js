@@ -21,12 +21,12 @@ class Colours {
     this.fields = new Map([...moved, ...names]);
     this.values = film.stage.bodies.map((body) => new Float32Array(body.nodes));
     this.chosen = "";
-    this.range = null; // fixed range, or null: that of the picture
+    this.range = "film"; // or null: that of the picture; or two numbers
   }
 
   choose(name) {
     this.chosen = name;
-    this.range = null;
+    this.range = "film";
     if (!name) this.view.bodies.forEach((_, b) => this.view.paint(b, null));
     byId("legend").hidden = !name;
   }
@@ -36,15 +36,15 @@ class Colours {
     const field = this.fields.get(this.chosen);
     if (!field) return;
     let low = Infinity, high = -Infinity;
+    const take = (v) => { if (v < low) low = v; if (v > high) high = v; };
     for (const [b, f] of field.of) {
       const values = this.values[b];
       if (f < 0) this.film.displacement(b, moment, values); else this.film.values(b, f, moment, values);
-      for (const v of values) { if (v < low) low = v; if (v > high) high = v; }
+      if (this.range) this.film.limits(b, f).forEach(take); else values.forEach(take);
     }
     if (!(low <= high)) [low, high] = [0, 0];
     if (field.map === "signed") [low, high] = [-Math.max(-low, high), Math.max(-low, high)];
-    this.now = [low, high];
-    const [from, to] = this.range ?? this.now, map = this.maps[field.map];
+    const [from, to] = this.now = Array.isArray(this.range) ? this.range : [low, high], map = this.maps[field.map];
     for (const [b] of field.of) this.view.paint(b, this.values[b], from, to, map);
     this.legend(field, from, to, map);
   }
@@ -81,7 +81,7 @@ class Colours {
   get words() {
     const field = this.fields.get(this.chosen);
     if (!field) return [];
-    const [low, high] = this.range ?? this.now, factor = field.unit === "m" ? 1000 : 1;
+    const [low, high] = this.now, factor = field.unit === "m" ? 1000 : 1;
     return [`${this.chosen}: ${shown(factor * low)} to ${shown(factor * high)} ${field.unit === "m" ? "mm" : field.unit}`];
   }
 }
@@ -119,7 +119,7 @@ async function main() {
   if (stage.colouring) {
     byId("colour").value = stage.colouring.name;
     colours.choose(stage.colouring.name);
-    colours.range = stage.colouring.limits;
+    colours.range = stage.colouring.limits ?? "film";
   }
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
@@ -131,7 +131,7 @@ async function main() {
   byId("follow").addEventListener("change", (e) => { followed = e.target.value; redraw(); });
   byId("colour").addEventListener("change", (e) => { colours.choose(e.target.value); redraw(); });
   for (const id of ["legend-low", "legend-high"]) byId(id).addEventListener("change", () => { colours.fix(); redraw(); });
-  byId("legend-fixed").addEventListener("click", () => { colours.range = colours.range ? null : [...colours.now]; redraw(); });
+  byId("legend-fixed").addEventListener("click", () => { colours.range = colours.range ? null : "film"; redraw(); });
   stage.arrows.forEach((arrow, a) => {
     const label = document.createElement("label"), box = document.createElement("input");
     box.type = "checkbox"; box.id = `arrow-${a}`;
