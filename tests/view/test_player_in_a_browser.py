@@ -241,7 +241,7 @@ def test_the_surface_is_coloured_in_a_range_that_one_fixes(player: Player) -> No
 
     assert ends() == pytest.approx([0, 70], abs=0.3)
     page.keyboard.press("End")
-    player.clock("1.00")
+    player.clock("1.50")
     assert ends() == pytest.approx([0, 70], abs=0.3), "the range of the whole film"
     assert page.locator("#legend-fixed").get_attribute("aria-pressed") == "true"
     page.locator("#legend-fixed").click()
