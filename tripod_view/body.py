@@ -145,6 +145,8 @@ class Body:
 
 def _check(nodes: FloatArray, what: str) -> None:
     """Raise BodyError where a node cannot be drawn."""
+    if not nodes.size or np.abs(nodes).max() <= FARTHEST:
+        return
     bad = np.flatnonzero(~(np.abs(nodes) <= FARTHEST).all(axis=1))  # NaN fails
     if bad.size:
         place = nodes[bad[0]]

@@ -41,7 +41,7 @@ class Scene:
         self._surface: Surface | None = None
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
-        self._first = np.zeros((2, 3))
+        self._first = self._now = np.zeros((2, 3))
         self.lost = 0
         self._robot, self._robot_heard = Robot(drawing, geometry, ()), 0
         self._own_box, self._handle = box, Handle(drawing, box)
@@ -73,7 +73,7 @@ class Scene:
         """How far the bodies have come [m], where that is too far to be looked at; else 0."""
         if self._nodes is None:
             return 0.0
-        return gone(self._first, self._box(self._nodes))
+        return gone(self._first, self._now)
 
     def find_robot(self, servos: int) -> bool:
         """Draw a robot with so many servos evenly about Z, since there is one, unless a simulator has told what there
@@ -120,11 +120,12 @@ class Scene:
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
-        self._nodes = positions
         self._bodies.set_nodes(positions)
         if not len(positions):
             return
-        box, seen, room = self._box(positions), self._seen, LEFT * self._seen.radius
+        self._nodes = positions
+        self._now = box = self._box(positions)
+        seen, room = self._seen, LEFT * self._seen.radius
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
 

@@ -179,6 +179,11 @@ def _check_arrays(arrays: Arrays) -> None:
         raise FilmError(f"triangles: number {bad[0]} names nodes outside 0 to {nodes - 1}")
     if (bodies < 0).any() or bodies.sum() > nodes:
         raise FilmError(f"bodies: they have {bodies.tolist()[:8]} nodes; there are {nodes}")
+    _check_counts(arrays, nodes)
+
+
+def _check_counts(arrays: Arrays, nodes: int) -> None:
+    """Raise FilmError, which names the array, unless those that depend on counts have as many rows as these say."""
     if "mesh_error" in arrays and arrays["mesh_error"].shape[1] != nodes:
         raise FilmError(f"mesh_error: a film needs a number of each of {nodes} nodes")
     if "cables" in arrays:
