@@ -153,15 +153,15 @@ def html(
     topics: Topics = None,
     segment: Number = None,
     colour: Colour = None,
-    forces: Annotated[bool, typer.Option("--forces", help="Show the forces on the bodies as arrows.")] = False,
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Show the forces on the bodies as arrows.")
+    ] = False,
 ) -> None:
     """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
     with loading("tripod bag html"):
         from tripod_bringup.bag_export import html_command  # noqa: PLC0415
 
-    raise typer.Exit(
-        html_command(file, out, " ".join(topics or ()), segment, colour=colour, forces=forces)
-    )
+    raise typer.Exit(html_command(file, out, " ".join(topics or ()), segment, colour=colour, forces=forces))
 
 
 @commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))

@@ -311,7 +311,8 @@ class RealTime(threading.Thread):
                 answer = simulation.compliance()
             except StepError:
                 answer = None  # singular just here; the next one follows
-        forces, now = (), clock.monotonic()
+        forces: tuple[Forces, ...] = ()
+        now = clock.monotonic()
         if self.want_forces and (self.activity is not Activity.RUNNING or now >= self._forces_due):
             simulation.keep_forces()
             forces = simulation.forces()

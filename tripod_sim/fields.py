@@ -1,6 +1,7 @@
 """Fields on the nodes of soft bodies: displacement, stress, energy density, stretch, tension.
 
-All but `mesh_error` (see `Simulation.mesh_error_field`) follow from positions alone, so they can also be computed of a recording, and are computed only on request.
+All but `mesh_error` (see `Simulation.mesh_error_field`) follow from positions alone, so they can also be computed of a
+recording, and are computed only on request.
 
 Elements have their values at integration points. In each element the shape functions of its corners are fitted to
 these by least squares, and evaluated at its nodes: local smoothing [HintonCampbell1974]. Energy density is quadratic

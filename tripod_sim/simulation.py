@@ -929,7 +929,6 @@ class Simulation:
             return self._mesh_error.unknown(self.state)
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
 
-
     def mesh_error_field(self) -> FloatArray | None:
         """Return the error of the mesh at each node of `skin` by the last estimate [m], shape (k,); None without any.
 

@@ -9,6 +9,7 @@ from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
 from tripod_view.drawing import Drawing
+from tripod_view.forces import DrawnForces
 from tripod_view.frame import frame, gone, staying, union, widened
 from tripod_view.game import Game
 from tripod_view.handle import Handle
@@ -28,6 +29,7 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
+        forces: On the bodies.
         lost: How many bodies are so far from the others that they are left out of sight.
     """
 
@@ -43,6 +45,7 @@ class Scene:
         self.lost = 0
         self._robot, self._robot_heard = Robot(drawing, geometry, ()), 0
         self._own_box, self._handle = box, Handle(drawing, box)
+        self.forces = DrawnForces(drawing)
         self.game = Game(drawing, "/effector")
         self.fit()
 
@@ -125,6 +128,10 @@ class Scene:
         seen, room = self._seen, LEFT * self._seen.radius
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
+
+    def set_field(self, name: str, values: FloatArray | None) -> None:
+        """Tell a field at the nodes of the mesh, shape (n,); None: not any more."""
+        self._bodies.set_field(name, values)
 
     def set_slack(self, names: frozenset[str]) -> None:
         """Show which cables are slack, by their names."""

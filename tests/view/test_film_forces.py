@@ -115,8 +115,40 @@ def test_a_packed_film_tells_the_longest_of_each_group(bounce: tuple[Recording, 
     assert stage(first)["arrows"][0]["longest"] == 0.0
     reeled = reel(film)
     assert reeled["arrows"][0]["longest"] == size
-    read = unpacked(reeled)
-    assert read(reeled["arrows"][0]["vectors"]) == pytest.approx(film.arrows[0].vectors.ravel(), rel=1e-6)
+
+
+def read_arrows(reeled: dict[str, Any], g: int) -> list[np.ndarray]:
+    """Return points and vectors of each picture, shape (n, 6), as `film.js` reads them."""
+    read, entry = unpacked(reeled), reeled["arrows"][g]
+    low, high = read(entry["rows"]).astype(np.uint16).reshape(2, 6, -1)
+    folded = low | (high << 8)
+    rows = ((folded >> 1) ^ (0 - (folded & 1)).astype(np.uint16)).view(np.int16).T
+    found, last, first = [], np.zeros((0, 6), np.int16), 0
+    for count in read(entry["counts"]):
+        last, before = rows[first : first + count].copy(), last
+        both = min(len(before), count)
+        last[:both] += before[:both]
+        first += count
+        points = read(entry["low"]) + read(entry["step"]) * last[:, :3]
+        found.append(np.concatenate([points, entry["part"] * last[:, 3:]], axis=1))
+    return found
+
+
+def test_packed_arrows_are_right_as_far_as_one_sees_and_those_too_short_to_draw_are_left_out() -> None:
+    rng = np.random.default_rng(2)
+    counts = np.array([3, 0, 5, 2, 8])
+    points, vectors = rng.uniform(-0.1, 0.3, (18, 3)), rng.normal(size=(18, 3))
+    vectors[[4, 9]] *= 1e-4
+    arrows = Arrows("a", "N", (0, 0, 0), counts, points, vectors)
+    none = Arrows("b", "N", (0, 0, 0), 0 * counts, np.zeros((0, 3)), np.zeros((0, 3)))
+    film = Film("film", np.arange(5.0), arrows=(arrows, none))
+    reeled, ends = reel(film), np.cumsum(counts)
+    assert [len(rows) for rows in read_arrows(reeled, 1)] == [0] * 5
+    for rows, end, count in zip(read_arrows(reeled, 0), ends, counts, strict=True):
+        own = np.arange(end - count, end)
+        own = own[~np.isin(own, [4, 9])]
+        np.testing.assert_allclose(rows[:, :3], points[own], atol=0.4 / 8190 + 1e-12)
+        np.testing.assert_allclose(rows[:, 3:], vectors[own], atol=longest(arrows) / 2046 + 1e-12)
 
 
 def one_arrow(vector: list[float]) -> Film:

@@ -24,12 +24,36 @@ function rough(bytes, n) {
   return out;
 }
 
+// Arrows of each picture, points and vectors, from what `_packed_arrows` of packing.py made of them.
+function arrowsOf(counts, low, step, part, bytes) {
+  const total = bytes.length / 12, found = []; // low bytes of three coordinates and three components, then high ones
+  const whole = new Int16Array(6 * total);
+  let first = 0, before = 0, had = 0;
+  for (const count of counts) {
+    for (let j = 0; j < count; j++) for (let c = 0; c < 6; c++) {
+      const at = c * total + first + j, folded = bytes[at] | bytes[6 * total + at] << 8;
+      whole[at] = (folded >> 1 ^ -(folded & 1)) + (j < had ? whole[c * total + before + j] : 0);
+    }
+    const points = new Float32Array(3 * count), vectors = new Float32Array(3 * count);
+    for (let i = 0; i < 3 * count; i++) {
+      const a = i % 3, at = a * total + first + (i - a) / 3;
+      points[i] = low[a] + step[a] * whole[at];
+      vectors[i] = part * whole[3 * total + at];
+    }
+    found.push({ points, vectors });
+    [before, had, first] = [first, count, first + count];
+  }
+  return found;
+}
+
 class Film {
   constructor(stage) {
     this.stage = stage;
     this.times = [];
     this.bodies = stage.bodies.map(() => []); // for each picture {low, step, whole}
     this.fields = stage.bodies.map((body) => body.fields.map(() => [])); // for each picture {low, step, codes}
+    this.ends = stage.bodies.map((body) => body.fields.map(() => [Infinity, -Infinity])); // lowest and highest value
+    this.moved = []; // of each body: up to which picture, how far
     this.arrows = stage.arrows.map(() => []); // for each picture {points, vectors}
     this.poses = stage.pieces.map(() => []);
     this.curves = stage.curves.map(() => []);
@@ -50,18 +74,15 @@ class Film {
       reel.bodies[b].fields.forEach((field, f) => {
         const codes = read(field.codes), m = body.nodes;
         for (let i = m; i < codes.length; i++) codes[i] += codes[i - m]; // wraps
+        const [low, high] = this.ends[b][f];
+        if (codes.some((code) => code !== MISSING))
+          this.ends[b][f] = [Math.min(low, field.low), Math.max(high, field.low + (MISSING - 1) * field.step)];
         for (let i = 0; i < k; i++) this.fields[b][f].push({ low: field.low, step: field.step, codes: codes.subarray(m * i, m * i + m) });
       });
     });
     reel.arrows.forEach((arrow, a) => {
-      const counts = read(arrow.counts), points = read(arrow.points), vectors = read(arrow.vectors);
       this.stage.arrows[a].longest = Math.max(this.stage.arrows[a].longest, arrow.longest);
-      let first = 0;
-      for (const count of counts) {
-        const [from, to] = [3 * first, 3 * (first + count)];
-        this.arrows[a].push({ points: points.subarray(from, to), vectors: vectors.subarray(from, to) });
-        first += count;
-      }
+      this.arrows[a].push(...arrowsOf(read(arrow.counts), read(arrow.low), read(arrow.step), arrow.part, read(arrow.rows)));
     });
     let moving = 0;
     this.stage.pieces.forEach((piece, p) => {
@@ -98,6 +119,16 @@ class Film {
   values(b, f, [i], out) {
     const { low, step, codes } = this.fields[b][f][i];
     for (let j = 0; j < out.length; j++) out[j] = codes[j] === MISSING ? NaN : low + step * codes[j];
+  }
+
+  // Lowest and highest value in all pictures of field f of body b; without f of the displacement.
+  limits(b, f) {
+    if (f >= 0) return this.ends[b][f];
+    const out = new Float32Array(this.stage.bodies[b].nodes), [from, so] = this.moved[b] ?? [0, 0];
+    let high = so;
+    for (let i = from; i < this.length; i++) { this.displacement(b, [i, 0], out); for (const v of out) if (v > high) high = v; }
+    this.moved[b] = [this.length, high];
+    return [0, high];
   }
 
   // How far nodes of body b are from where they were in the first picture.

@@ -22,6 +22,13 @@ STEPS = 16383
 """Into which the box about a body is divided in each picture: positions are right to half of one."""
 
 
+PLACES, PARTS = 4095, 1023
+"""Into which the box about the arrows of a group is divided, and the longest of them."""
+
+SHORT = 0.01
+"""Length of an arrow, over that of the longest, below which it is never drawn."""
+
+
 class Packer:
     """Gathers arrays."""
 
@@ -119,15 +126,7 @@ def reel(film: Film) -> dict[str, Any]:
         "times": packer.add(film.times, "f8"),
         "bodies": bodies,
         "poses": [packer.add(p.poses, "f8") for p in film.pieces if p.poses is not None],
-        "arrows": [
-            {
-                "counts": packer.add(a.counts, "u4"),
-                "points": packer.add(a.points, "f4"),
-                "vectors": packer.add(a.vectors, "f4"),
-                "longest": longest(a),
-            }
-            for a in film.arrows
-        ],
+        "arrows": [_packed_arrows(packer, a) for a in film.arrows],
         "curves": [packer.add(c.values, "f4") for c in film.curves],
         "events": [[e.time, e.text] for e in film.events],
         "data": packer.text(),
@@ -151,7 +150,11 @@ def _smooth(whole: NDArray[np.uint16]) -> NDArray[np.uint8]:
     found = whole.copy()
     for first in (1, 2):
         found[first:] -= found[first - 1 : -1].copy()
-    signed = found.view(np.int16)
+    return _folded(found.view(np.int16))
+
+
+def _folded(signed: NDArray[np.int16]) -> NDArray[np.uint8]:
+    """Return whole numbers, the signs in the lowest bits, all low bytes before all high ones."""
     folded = ((signed << 1) ^ (signed >> 15)).view(np.uint16)
     return np.concatenate([(folded & 255).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
 
@@ -167,6 +170,39 @@ def _coded(packer: Packer, values: FloatArray) -> dict[str, Any]:
     codes[finite] = np.rint((values[finite] - low) / step).astype(np.uint8) if step > 0 else 0
     codes[1:] -= codes[:-1].copy()  # wraps, as it does in the player
     return {"low": low, "step": step, "codes": packer.add(codes, "u1")}
+
+
+def _packed_arrows(packer: Packer, arrows: Arrows) -> dict[str, Any]:
+    """Return where the player finds arrows: points in steps of their box, vectors in parts of the longest, both as
+    differences to the arrow of the same number in the picture before. Arrows too short to be drawn are left out.
+    """
+    longest_one = longest(arrows)
+    long = np.linalg.norm(arrows.vectors, axis=1) > SHORT * longest_one
+    picture = np.repeat(np.arange(len(arrows.counts)), arrows.counts)[long]
+    points, vectors = arrows.points[long], arrows.vectors[long]
+    counts = np.bincount(picture, minlength=len(arrows.counts))
+    low = points.min(axis=0) if len(points) else np.zeros(3)
+    step = (points.max(axis=0) - low) / PLACES if len(points) else np.zeros(3)
+    whole = np.concatenate(
+        [
+            np.rint((points - low) / np.where(step > 0, step, 1.0)),
+            np.rint(vectors * (PARTS / (longest_one or 1.0))),
+        ],
+        axis=1,
+    ).astype(np.int16)
+    ends = np.cumsum(counts)
+    number = np.arange(len(whole)) - (ends - counts)[picture]
+    has = (picture > 0) & (number < counts[picture - 1])
+    change = whole.copy()
+    change[has] -= whole[(ends - counts)[picture[has] - 1] + number[has]]
+    return {
+        "counts": packer.add(counts, "u4"),
+        "low": packer.add(low, "f8"),
+        "step": packer.add(step, "f8"),
+        "part": longest_one / PARTS,
+        "rows": packer.add(_folded(change.T), "u1"),
+        "longest": longest_one,
+    }
 
 
 def longest(arrows: Arrows) -> float:
