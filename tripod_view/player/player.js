@@ -75,7 +75,7 @@ async function main() {
   if (stage.colouring) {
     byId("colour").value = stage.colouring.name;
     colours.choose(stage.colouring.name);
-    colours.range = stage.colouring.limits ?? "film";
+    colours.range = stage.colouring.limits ?? colours.first;
   }
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
