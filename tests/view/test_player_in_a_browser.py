@@ -265,6 +265,17 @@ def test_the_surface_is_coloured_in_a_range_that_one_fixes(player: Player) -> No
     assert not page.locator("#legend").is_visible()
 
 
+def test_how_far_nodes_moved_is_a_colour(player: Player) -> None:
+    positions = shown_film().bodies[0].positions
+    player.page.locator("#colour").select_option("moved since the first picture")
+    player.page.keyboard.press("End")
+    player.clock("1.50")
+    if player.page.locator("#legend-fixed").get_attribute("aria-pressed") == "true":
+        player.page.locator("#legend-fixed").click()
+    far = 1e3 * np.linalg.norm(positions[-1] - positions[0], axis=1).max()
+    player.wait(f"Math.abs(Number(document.querySelector('#legend-high').value) - {far}) < {0.01 * far}")
+
+
 def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     page, box = player.page, player.page.locator("#picture").bounding_box()
     page.locator("#colour").select_option("heat")

@@ -132,12 +132,17 @@ class Film {
   }
 
   // How far nodes of body b are from where they were in the first picture.
-  displacement(b, moment, out) {
-    const now = new Float64Array(3 * out.length), first = new Float64Array(3 * out.length);
-    this.nodes(b, moment, [0, 0, 0], now);
-    this.nodes(b, [0, 0], [0, 0, 0], first);
-    for (let j = 0; j < out.length; j++)
-      out[j] = Math.hypot(now[3 * j] - first[3 * j], now[3 * j + 1] - first[3 * j + 1], now[3 * j + 2] - first[3 * j + 2]);
+  displacement(b, [i, w], out) {
+    const first = this.bodies[b][0], one = this.bodies[b][i], two = w > 0 ? this.bodies[b][i + 1] : one;
+    out.fill(0);
+    for (let a = 0; a < 3; a++) {
+      const p = (1 - w) * one.step[a], q = w * two.step[a], o = (1 - w) * one.low[a] + w * two.low[a] - first.low[a], s = first.step[a];
+      for (let j = 0, k = a; j < out.length; j++, k += 3) {
+        const moved = o + p * one.whole[k] + q * two.whole[k] - s * first.whole[k];
+        out[j] += moved * moved;
+      }
+    }
+    for (let j = 0; j < out.length; j++) out[j] = Math.sqrt(out[j]);
   }
 
   // Pose of piece p between two pictures, null where it is not there.

@@ -1,5 +1,7 @@
 // What a click on a body tells: the node, where it is, how far it has moved, and how a scene names it.
 
+import { value } from "./channel.js";
+
 const PERIOD = 200; // [ms]
 const SMALL = 0.3; // radius of the set about a node over its shortest edge
 
@@ -14,7 +16,11 @@ export function tellPicked(view, plotNode) {
     const place = hit && view.vertex(hit.part, hit.node);
     if (!place) { show(null); return; }
     const rest = view.rest(hit.part, hit.node), moved = rest ? `; moved ${length(Math.hypot(...place.map((v, a) => v - rest[a])))}` : "";
-    told.textContent = `${hit.body}, node ${hit.node} at [${short(place)}] m${moved}`;
+    const fields = view.fieldsAt(hit.part, hit.node).map(([name, number]) => {
+      const unit = value("fields")?.find((field) => field.name === name)?.unit ?? "";
+      return `; ${name} ${Number.isFinite(number) ? `${Number(number.toPrecision(3))} ${unit}` : "has no value"}`;
+    });
+    told.textContent = `${hit.body}, node ${hit.node} at [${short(place)}] m${moved}${fields.join("")}`;
     copy.hidden = !rest;
   }
 

@@ -9,6 +9,15 @@ const PLACES = { "/effector": "effector", "/ball": "ball", "/target": "target" }
 const AXES = ["x", "y", "z"];
 const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", work: "work of the servos", lost: "lost" };
 
+const unitOf = (field) => value("fields")?.find(({ name }) => name === field)?.unit ?? "";
+
+// Length of the largest of some vectors, 3 numbers each; 0 without any.
+function largest(vectors) {
+  let most = 0;
+  for (let i = 0; i < vectors.length; i += 3) most = Math.max(most, Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]));
+  return most;
+}
+
 // What can be plotted now, each [title, name, unit, value]; `view`: of the scene, or null.
 function quantities(view) {
   const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
@@ -35,12 +44,14 @@ function quantities(view) {
   add("contact distances", "smallest gap", "mm", figures?.smallest_gap, 1e3);
   add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
   add("contact distances", "error", "mm", figures?.contact_error, 1e3);
+  for (const { name, unit, vectors } of view?.groups() ?? []) add(`largest [${unit}]`, name, unit, largest(vectors));
   add("residual", "residual", "N", figures?.residual);
   add("halvings", "steps halved", "", figures?.halvings);
   add("stability margin", "least", "", figures?.stability_margin?.[0]);
   for (const { name, part, node } of picked) {
     const title = `${name}, node ${node}`, place = view.vertex(part, node), rest = place && view.rest(part, node);
     AXES.forEach((axis, a) => add(title, axis, "mm", place?.[a], 1e3));
+    for (const [field, number] of place ? view.fieldsAt(part, node) : []) add(`${title}, ${field}`, field, unitOf(field), number);
     if (rest) add(`${title}, moved`, "displacement", "mm", Math.hypot(...place.map((v, a) => v - rest[a])), 1e3);
   }
   return found;

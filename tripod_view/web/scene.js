@@ -173,6 +173,12 @@ class LiveView extends View {
     return found;
   }
 
+  // Values of the fields that are shown at a node of a body, each [name of the field, value].
+  fieldsAt(part, node) {
+    return [...this.all.values()].filter(({ kind, parent, values }) => kind === "field" && parent === part && node < values?.length)
+      .map(({ path, values }) => [path.split("/").pop(), values[node]]);
+  }
+
   // Groups of forces, with the longest of each since they were switched on.
   groups() {
     if (!this.forces) return [];
