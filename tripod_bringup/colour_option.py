@@ -17,8 +17,8 @@ Colour = Annotated[
     typer.Option(
         metavar="FIELD[:LOW:HIGH]",
         help="Colour surfaces by displacement, von_mises, principal_max, principal_min, energy_density, stretch, "
-        "tension, or, in a scene with [mesh_error], mesh_error; LOW and HIGH limit the colours, by default the "
-        "range of the film.",
+        "tension, or, in a scene with [mesh_error], mesh_error; LOW and HIGH limit the colours, by default the range "
+        "of the film.",
     ),
 ]
 

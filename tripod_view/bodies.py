@@ -65,11 +65,13 @@ class Bodies:
         self._still: list[Node] = []
         self._cables: list[DrawnCable] = []
         self._slack: frozenset[str] = frozenset()
+        self._fields: dict[str, list[tuple[Part, Node]]] = {}
 
     def set_surface(self, surface: Surface, parts: tuple[Part, ...], cables: tuple[Route, ...] = ()) -> None:
         """Show another mesh, undeformed; without parts, or with parts that do not fit it, it is one solid."""
         for node in [*(node for _, node in self._parts), *(cable.node for cable in self._cables)]:
             node.remove()
+        self._fields.clear()
         count = len(surface.nodes)
         extent = float(np.ptp(surface.nodes, axis=0).max(initial=0.0)) if count else 0.0
         self._cables = [
@@ -104,6 +106,23 @@ class Bodies:
             node.set("vertices", nodes[part.first : part.first + part.count])
         for cable in self._cables:
             cable.move(positions)
+
+    def set_field(self, name: str, values: FloatArray | None) -> None:
+        """Tell a field at the nodes of the mesh, shape (n,); None: not any more. Rigid bodies have none."""
+        if values is None:
+            for _, node in self._fields.pop(name, []):
+                node.remove()
+            return
+        of = {part.first: values[part.first : part.first + part.count] for part, _ in self._parts}
+        if name in self._fields:
+            for part, node in self._fields[name]:
+                node.set("values", of[part.first])
+            return
+        self._fields[name] = [
+            (part, self._drawing.add(f"{body.path}/{name}", "field", values=of[part.first]))
+            for part, body in self._parts
+            if part.kind != "rigid"
+        ]
 
     def set_slack(self, names: frozenset[str]) -> None:
         """Show which cables are slack, by their names."""

@@ -1,11 +1,14 @@
 """The deforming body: a triangle mesh, and node positions that fit it or are refused with the reason."""
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_graph import names
 from tripod_host.arrays import FloatArray
 
 CornerArray = NDArray[np.uint32]
@@ -66,17 +69,17 @@ class Body:
 
     Attributes:
         surface: The newest mesh, None before the first.
-        skipped: Positions refused since start, but for a few about a change of the mesh.
-        reason: Why the newest of them was refused.
+        skipped: Positions and fields refused since start, but for a few about a change of the mesh.
+        topic, reason: Where the newest of them came from, and why it was refused.
     """
 
     def __init__(self) -> None:
         self.surface: Surface | None = None
         self.skipped = 0
-        self.reason = ""
+        self.topic, self.reason = names.BODY_STATE, ""
         self._id_of: dict[int, int] = {}
         self._connectivity = 0
-        self._misfits = 0
+        self._misfits = Counter[str]()
 
     def rebuild(self, surface: Surface) -> bool:
         """Take a mesh; return whether it differs from the one before."""
@@ -92,23 +95,26 @@ class Body:
 
     def fit(self, topology_id: int, positions: FloatArray) -> FloatArray | None:
         """Return flat `positions` [m] as shape (n, 3), None (counted) if they do not fit."""
+        return self._taken(names.BODY_STATE, lambda: self._fitted(topology_id, positions))
+
+    def fit_field(self, topology_id: int, values: FloatArray) -> FloatArray | None:
+        """Return a field, shape (n,), with NaN where it is not finite; None (counted) if it does not fit."""
+        return self._taken(names.FIELD, lambda: self._fitted_field(topology_id, values))
+
+    def _taken(self, topic: str, read: Callable[[], FloatArray]) -> FloatArray | None:
         try:
-            fitted = self._fitted(topology_id, positions)
+            fitted = read()
         except BodyError as error:
-            self._misfits = self._misfits + 1 if isinstance(error, MisfitError) else 0
-            if not 0 < self._misfits <= PATIENCE:
+            self._misfits[topic] = self._misfits[topic] + 1 if isinstance(error, MisfitError) else 0
+            if not 0 < self._misfits[topic] <= PATIENCE:
                 self.skipped += 1
-                self.reason = str(error)
+                self.topic, self.reason = topic, str(error)
             return None
-        self._misfits = 0
+        self._misfits[topic] = 0
         return fitted
 
     def _fitted(self, topology_id: int, positions: FloatArray) -> FloatArray:
-        if self.surface is None:
-            raise MisfitError("no mesh yet")
-        n = len(self.surface.nodes)
-        if positions.size != 3 * n:
-            raise MisfitError(f"{positions.size} coordinates for a mesh of {n} nodes")
+        n = self._count(positions.size, 3, "coordinates")
         known = self._id_of.get(self._connectivity)
         if known is None and topology_id in self._id_of.values():
             raise MisfitError(f"topology id {topology_id} belongs to an older mesh")
@@ -119,9 +125,28 @@ class Body:
         self._id_of[self._connectivity] = topology_id
         return shaped
 
+    def _fitted_field(self, topology_id: int, values: FloatArray) -> FloatArray:
+        self._count(values.size, 1, "values")
+        if topology_id != (known := self._id_of.get(self._connectivity)):
+            raise MisfitError(
+                f"topology id {topology_id}, the mesh has {'none yet' if known is None else known}"
+            )
+        return np.where(np.isfinite(values), values, np.nan)
+
+    def _count(self, size: int, each: int, what: str) -> int:
+        """Return how many nodes the mesh has. Raises MisfitError unless `size` is `each` times that."""
+        if self.surface is None:
+            raise MisfitError("no mesh yet")
+        n = len(self.surface.nodes)
+        if size != each * n:
+            raise MisfitError(f"{size} {what} for a mesh of {n} nodes")
+        return n
+
 
 def _check(nodes: FloatArray, what: str) -> None:
     """Raise BodyError where a node cannot be drawn."""
+    if not nodes.size or np.abs(nodes).max() <= FARTHEST:
+        return
     bad = np.flatnonzero(~(np.abs(nodes) <= FARTHEST).all(axis=1))  # NaN fails
     if bad.size:
         place = nodes[bad[0]]

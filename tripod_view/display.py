@@ -1,7 +1,7 @@
 """What the page shows: the newest of everything is kept when it comes and drawn when the clock says so."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from tripod_view.body import Body, Surface
 from tripod_view.cable import SLACK
 from tripod_view.control import Control
 from tripod_view.drawing import Drawing
+from tripod_view.forces import Group
 from tripod_view.panel import Panel
 from tripod_view.picture import Picture
 from tripod_view.pose import Pose
@@ -78,6 +79,9 @@ class Display:
         self._table: tuple[Joint, ...] = ()
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
         self._nodes: FloatArray | None = None
+        self._new_fields: dict[str, Callable[[], tuple[int, FloatArray]]] = {}
+        self._new_forces: Sequence[Group] | None = None
+        self._drawn_fields = set[str]()
         self._surface_changed = self._effector_changed = self._target_changed = False
         self._maze: Surface | None = None
         self._ball_radius: float | None = None
@@ -114,6 +118,20 @@ class Display:
     def keep_state(self, read: Callable[[], tuple[int, FloatArray]]) -> None:
         """Keep node positions: `read` returns topology id and flat positions [m], when they are drawn."""
         self._newest = read
+
+    def keep_field(self, name: str, read: Callable[[], tuple[int, FloatArray]]) -> None:
+        """Keep a field: `read` returns topology id and values, when they are drawn."""
+        self._new_fields[name] = read
+
+    def drop_field(self, name: str) -> None:
+        """Colour no more by a field."""
+        self._new_fields.pop(name, None)
+        self._drawn_fields.discard(name)
+        self._scene.set_field(name, None)
+
+    def keep_forces(self, groups: Sequence[Group]) -> None:
+        """Keep the forces on the bodies; none: nobody wants to see them any more."""
+        self._new_forces = groups
 
     def keep_torques(self, torques: FloatArray | None) -> None:
         """Keep what the joints give in return, torques of servos [N m], shape (n,); None if they are not told."""
@@ -197,6 +215,7 @@ class Display:
                 self._draw_past(past[0])
             else:
                 self._draw_present(control.measured(now), now)
+            self._draw_fields(past=past is not None)
             if self._target_changed and target.position is not None:
                 self._target_changed = False
                 self._scene.set_target(Pose(target.position, target.quaternion), dragging=target.dragging)
@@ -260,6 +279,22 @@ class Display:
             self._scene.game.place_ball(moment.ball)
         self._drawn_joints = None  # the present is drawn again
         self._effector_changed = self._ball_changed = True
+
+    def _draw_fields(self, *, past: bool) -> None:
+        """Draw fields and forces; those of the past are not known."""
+        fields, self._new_fields = self._new_fields, {}
+        forces, self._new_forces = self._new_forces, None
+        if past:
+            for name in self._drawn_fields:
+                self._scene.set_field(name, None)
+            self._drawn_fields.clear()
+            forces = ()
+        for name, read in () if past else fields.items():
+            if (values := self.body.fit_field(*read())) is not None:
+                self._scene.set_field(name, values)
+                self._drawn_fields.add(name)
+        if forces is not None:
+            self._scene.forces.set(forces)
 
     def _draw_game(self) -> None:
         game = self._scene.game

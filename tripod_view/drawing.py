@@ -19,7 +19,10 @@ from tripod_view.pose import Pose
 
 Rgb = tuple[int, int, int]
 
-NUMBERS = {"vertices": np.float32, "rest": np.float32, "triangles": np.uint32}
+NUMBERS = {
+    "vertices": np.float32, "rest": np.float32, "triangles": np.uint32, "values": np.float32,
+    "points": np.float32, "vectors": np.float32,
+}  # fmt: skip
 """Properties that are arrays, by name: they are sent as bytes, in little-endian order."""
 
 
@@ -105,6 +108,8 @@ class Drawing:
         - `lines`: `vertices`, shape (2 n, 3), ends of pieces; `colour`;
         - `points`: `vertices`, shape (n, 3); `colour`; `size` [m];
         - `label`: `text`;
+        - `field`, below a mesh: `values` at its vertices, shape (n,), NaN for none; named like the end of its path;
+        - `arrows`: `name`, `unit`, `colour`; `points` [m] and `vectors` [unit], shape (k, 3);
         - `handle`, which can be dragged: `turns`: whether it can be turned, too.
         """
         with self.lock:

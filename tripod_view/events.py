@@ -127,6 +127,15 @@ class Dropped:
 
 
 @dataclass(frozen=True)
+class Shows:
+    """The browser `client` colours the bodies by a field, empty for none, and shows forces or not."""
+
+    client: int
+    field: str
+    forces: bool
+
+
+@dataclass(frozen=True)
 class Took:
     """A browser took a picture."""
 
@@ -147,7 +156,7 @@ class Left:
 
 Event = (
     Pressed | SliderMoved | JointMoved | SlideMoved | KeysHeld | Wish | Replayed | Nonsense
-    | Grabbed | Dragged | Dropped | Joined | Left
+    | Grabbed | Dragged | Dropped | Shows | Joined | Left
 )  # fmt: skip
 
 
@@ -207,10 +216,11 @@ def _wish_of(table: Any) -> Wish | None:  # noqa: PLR0911 - one for each kind
     return None
 
 
-def hand_of(text: str | bytes, client: int) -> Grabbed | Dragged | Dropped | Took:
+def hand_of(text: str | bytes, client: int) -> Grabbed | Dragged | Dropped | Shows | Took:
     """Return what a message of the 3-D view of `client` means. Raises EventError.
 
-    {"took": true}, {"grab": true}, {"drag": [x, y, z], "turn": [x, y, z, w]} [m], {"drop": true}
+    {"took": true}, {"grab": true}, {"drag": [x, y, z], "turn": [x, y, z, w]} [m], {"drop": true},
+    {"show": "von_mises", "forces": true}
     """
     match _table(text):
         case {"took": True}:
@@ -221,6 +231,8 @@ def hand_of(text: str | bytes, client: int) -> Grabbed | Dragged | Dropped | Too
             return Dragged(client, position, quaternion)
         case {"drop": True}:
             return Dropped(client)
+        case {"show": str(field), "forces": bool(forces)}:
+            return Shows(client, field, forces)
     raise EventError(f"{text!r:.60} is not a known action")
 
 
@@ -288,8 +300,8 @@ class Inbox:
 def _supersedes(new: Event, old: Event) -> bool:
     if isinstance(new, Pressed):
         return new == old
-    if isinstance(new, Dragged) and isinstance(old, Dragged):
-        return new.client == old.client
+    if isinstance(new, Dragged | Shows) and isinstance(old, Dragged | Shows):
+        return type(new) is type(old) and new.client == old.client
     if isinstance(new, Pull) and isinstance(old, Pull):
         return new.who == old.who
     if isinstance(new, SliderMoved) and isinstance(old, SliderMoved):
@@ -300,4 +312,8 @@ def _supersedes(new: Event, old: Event) -> bool:
 
 
 def _essential(event: Event) -> bool:
-    return event == Pressed(Button.STOP) or isinstance(event, Joined | Left | Dropped)
+    return (
+        event == Pressed(Button.STOP)
+        or isinstance(event, Joined | Left | Dropped)
+        or (isinstance(event, Shows) and not event.field)
+    )

@@ -6,12 +6,13 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
 from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import BodyState, SimStatus
+from tripod_msgs.msg import BodyState, Field, Forces, SimStatus
 
 from tripod_graph import names
 from tripod_graph.trajectory import point_of
 from tripod_host.arrays import FloatArray
-from tripod_view.body import BodyError, Surface
+from tripod_view.body import FARTHEST, BodyError, Surface
+from tripod_view.forces import MOST_ARROWS, MOST_GROUPS, Group
 from tripod_view.motion import Trajectory
 from tripod_view.pose import Pose, PoseError
 
@@ -22,6 +23,14 @@ SHOWN = (
 
 LARGEST_BALL = 1.0
 """Radius of the largest ball that is drawn [m]."""
+
+
+LONGEST_NAME = 40
+"""Of a group of forces [characters]."""
+
+
+class ForcesError(ValueError):
+    """Forces that are refused; the message says why."""
 
 
 class StatusError(ValueError):
@@ -65,6 +74,37 @@ def ball_radius_of(message: SolidPrimitive) -> float | None:
 def state_of(message: BodyState) -> tuple[int, FloatArray]:
     """Return topology id and flat node positions [m], shape (3 n,)."""
     return message.topology_id, np.asarray(message.positions, float)
+
+
+def field_of(message: Field) -> tuple[int, FloatArray]:
+    """Return topology id and values of a field, shape (n,)."""
+    return message.topology_id, np.asarray(message.values, float)
+
+
+def groups_of(message: Forces) -> tuple[Group, ...]:
+    """Return the groups of forces of a message. Raises ForcesError."""
+    names, units, counts = list(message.names), list(message.units), np.asarray(message.counts, np.int64)
+    if not len(names) == len(units) == len(counts) <= MOST_GROUPS or len(set(names)) != len(names):
+        raise ForcesError(
+            f"{len(names)} names, {len(units)} units, {len(counts)} counts of groups of forces; as many of each are "
+            f"needed, at most {MOST_GROUPS}, and no name twice"
+        )
+    if any(not 0 < len(text) <= LONGEST_NAME or "/" in text for text in (*names, *units)):
+        raise ForcesError(
+            f"a group of forces has a name or unit that is empty, has / or over {LONGEST_NAME} characters"
+        )
+    points, vectors, total = np.asarray(message.points), np.asarray(message.vectors), int(counts.sum())
+    if not len(points) == len(vectors) == 3 * total or total > MOST_ARROWS:
+        raise ForcesError(
+            f"{len(points)} coordinates, {len(vectors)} components of {total} forces; 3 of each are needed for each, "
+            f"of at most {MOST_ARROWS}"
+        )
+    for what, values in (("coordinate", points), ("component", vectors)):
+        if not (np.abs(values) <= FARTHEST).all():  # NaN fails
+            raise ForcesError(f"a {what} of a force is not finite or beyond {FARTHEST:g}")
+    ends = np.cumsum(counts)[:-1]
+    rows = (np.split(values.reshape(-1, 3), ends) for values in (points, vectors))
+    return tuple(Group(*group) for group in zip(names, units, *rows, strict=True)) if names else ()
 
 
 def pose_of(message: PoseStamped) -> Pose:

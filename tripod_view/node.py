@@ -13,6 +13,8 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +28,7 @@ from shape_msgs.msg import Mesh, SolidPrimitive
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
+from tripod_msgs.msg import BodyState, Field, Forces, IkStatus, RobotStatus, SimStatus
 
 from tripod_graph import diagnostic_keys as keys
 from tripod_graph import names
@@ -52,9 +54,12 @@ from tripod_view.drawing import Drawing
 from tripod_view.events import Button, Event, Inbox
 from tripod_view.json_text import JsonError, table_of
 from tripod_view.messages import (
+    ForcesError,
     StatusError,
     ball_radius_of,
     checked_status,
+    field_of,
+    groups_of,
     maze_of,
     pose_of,
     state_of,
@@ -96,6 +101,9 @@ class ViewNode(Node):
         self._fitted: tuple[int, tuple[Joint, ...]] = (settings.limits.count, ())
         self._browsers: set[int] = set()
         self._streams: list[Subscription] = []
+        self._shown: dict[int, events.Shows] = {}
+        self._extras: dict[str, Subscription] = {}
+        self._fields: dict[str, str] = {}
         self._patient = Patient()
         self._sim_joints_at = float("-inf")
         self._target_asked = False
@@ -187,13 +195,38 @@ class ViewNode(Node):
                 self.create_subscription(kind, topic, callback, qos, callback_group=self._patient)
             )
 
+    def _subscribe_shown(self) -> None:
+        """Listen to those fields, and to forces, that some browser shows, and to no others: they cost the simulator."""
+        wanted = {
+            f"{names.field_topic(name)}": name
+            for name in {s.field for s in self._shown.values()} & set(self._fields)
+        }
+        if any(shows.forces for shows in self._shown.values()):
+            wanted[names.FORCES] = ""
+        for topic in [topic for topic in self._extras if topic not in wanted]:
+            self.destroy_subscription(self._extras.pop(topic))
+            if topic == names.FORCES:
+                self._display.keep_forces(())
+            else:
+                self._display.drop_field(topic.rpartition("/")[2])
+        for topic, name in wanted.items():
+            if topic not in self._extras:
+                kind, heard = (Field, partial(self._on_field, name)) if name else (Forces, self._on_forces)
+                self._extras[topic] = self.create_subscription(
+                    kind, topic, heard, NEWEST, callback_group=self._patient
+                )
+
     # What comes from the graph: checked and kept, drawn later.
 
     def _on_scene(self, message: String) -> None:
         try:
-            self._display.keep_picture(picture_of(message.data))
+            picture = picture_of(message.data)
         except PictureError as error:
             self._refuse(names.SIM_PICTURE, error)
+            return
+        self._display.keep_picture(picture)
+        self._fields = {field.name: field.unit for field in picture.fields}
+        self._subscribe_shown()
 
     def _on_figures(self, message: String) -> None:
         try:
@@ -247,6 +280,18 @@ class ViewNode(Node):
 
     def _on_body_state(self, message: BodyState) -> None:
         self._display.keep_state(lambda: state_of(message))
+
+    def _on_field(self, name: str, message: Field) -> None:
+        if message.unit != (unit := self._fields.get(name)):
+            self._refuse(names.field_topic(name), f"unit {message.unit!r:.40}; this field has {unit!r}")
+            return
+        self._display.keep_field(name, lambda: field_of(message))
+
+    def _on_forces(self, message: Forces) -> None:
+        try:
+            self._display.keep_forces(groups_of(message))
+        except ForcesError as error:
+            self._refuse(names.FORCES, error)
 
     def _on_sim_joints(self, message: JointState) -> None:
         if self._on_joints(names.SIM_JOINT_STATES, message):
@@ -374,6 +419,8 @@ class ViewNode(Node):
                 self._on_drag(client, position, quaternion)
             case events.Dropped(client):
                 self._on_drop(client)
+            case events.Shows():
+                self._on_shows(event)
             case events.Joined(client):
                 self._browsers.add(client)
                 self._on_somebody()
@@ -446,6 +493,15 @@ class ViewNode(Node):
         if self._target_asked:
             self._publish_target()
 
+    def _on_shows(self, shows: events.Shows) -> None:
+        if shows.field and self._fields and shows.field not in self._fields:
+            self._refuse("page", f"there is no field {shows.field!r:.60}")
+            shows = replace(shows, field="")
+        self._shown[shows.client] = shows
+        if not (shows.field or shows.forces):
+            del self._shown[shows.client]
+        self._subscribe_shown()
+
     def _on_somebody(self) -> None:
         if not self._streams:
             self._subscribe_streams()
@@ -509,7 +565,7 @@ class ViewNode(Node):
         self._display.draw(self._control, self._target, self._rejects, len(self._browsers))
         self._stream.flush()
         if self._display.body.skipped > skipped:
-            text = f"{names.BODY_STATE}: {self._display.body.reason}"
+            text = f"{self._display.body.topic}: {self._display.body.reason}"
             self.get_logger().warning(text, throttle_duration_sec=5.0)
 
     def _report(self) -> Report:

@@ -11,6 +11,7 @@ from tripod_graph.joint import SHOWN, Joint
 from tripod_host.arrays import FloatArray
 from tripod_view.channel import Channel
 from tripod_view.picture import Picture
+from tripod_view.player.colour_maps import MAPS
 from tripod_view.recorder import Recorder
 from tripod_view.robot import SERVO_COLOURS
 from tripod_view.words import Line
@@ -24,6 +25,7 @@ class Panel:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._scales, self._answers, self._digits = np.zeros(0), np.zeros(0), 1
+        channel.show("maps", MAPS)
         channel.show("colours", [f"rgb{colour}" for colour in SERVO_COLOURS])
 
     def show_scene(self, picture: Picture, *, has_joints: bool, has_target: bool, known: bool) -> None:
@@ -45,6 +47,8 @@ class Panel:
         }
         self._channel.show("scene", scene)
         self._channel.show("accuracy", picture.accuracy)
+        fields = [{"name": f.name, "unit": f.unit, "signed": f.signed} for f in picture.fields]
+        self._channel.show("fields", fields)
         self._channel.show("effects", list(picture.effects))
 
     def show_range(self, limits: CommandLimits) -> None:

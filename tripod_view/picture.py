@@ -1,5 +1,6 @@
 """What there is to draw of a scene beside its meshes, as the simulator describes it; checked. Pure."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,6 +33,15 @@ class Part:
     kind: str
     first: int
     count: int
+
+
+@dataclass(frozen=True)
+class FieldPicture:
+    """A field that the bodies have; `signed`: whether its values may have both signs."""
+
+    name: str
+    unit: str
+    signed: bool
 
 
 @dataclass(frozen=True)
@@ -71,6 +81,7 @@ class Picture:
         disc: Whether the effector is a disc, no point or set.
         maze: None for none.
         ball: Whether there is one.
+        fields: What colours the bodies on request.
         note: What is not drawn; empty where all is.
         changes: Overrides with which it was started again.
         accuracy: What accuracies cost, as the simulator tells.
@@ -90,6 +101,7 @@ class Picture:
     disc: bool = True
     maze: MazePicture | None = None
     ball: bool = False
+    fields: tuple[FieldPicture, ...] = ()
     note: str = ""
     changes: tuple[str, ...] = ()
     accuracy: dict[str, Any] = field(default_factory=dict)
@@ -144,6 +156,7 @@ def _picture(table: dict[str, Any]) -> Picture:
         disc=not effector or _number(effector.get("height", 1.0)) > 0,
         maze=_maze(table["maze"]) if table["maze"] else None,
         ball=bool(table["ball"]),
+        fields=tuple(map(_field, _list(table.get("fields", [])))),
         note=str(table["note"]),
         changes=tuple(map(str, _list(table["changes"]))),
         accuracy=dict(table["accuracy"]),
@@ -154,6 +167,13 @@ def _picture(table: dict[str, Any]) -> Picture:
 def _cable(table: dict[str, Any]) -> Route:
     nodes, weights, fixed = (_list(table[name]) for name in ("nodes", "weights", "fixed"))
     return Route(str(table["name"]), np.array(nodes, dtype=np.int64), _array(weights), _array(fixed))
+
+
+def _field(table: dict[str, Any]) -> FieldPicture:
+    name = str(table["name"])
+    if not re.fullmatch("[a-z_]{1,40}", name):
+        raise PictureError(f"field {name!r:.60}: a name has at most 40 small letters and underscores")
+    return FieldPicture(name, str(table["unit"]), bool(table["signed"]))
 
 
 def _radius(table: dict[str, Any]) -> float:

@@ -9,6 +9,7 @@ from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
 from tripod_view.drawing import Drawing
+from tripod_view.forces import DrawnForces
 from tripod_view.frame import frame, gone, staying, union, widened
 from tripod_view.game import Game
 from tripod_view.handle import Handle
@@ -28,6 +29,7 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
+        forces: On the bodies.
         lost: How many bodies are so far from the others that they are left out of sight.
     """
 
@@ -39,10 +41,11 @@ class Scene:
         self._surface: Surface | None = None
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
-        self._first = np.zeros((2, 3))
+        self._first = self._now = np.zeros((2, 3))
         self.lost = 0
         self._robot, self._robot_heard = Robot(drawing, geometry, ()), 0
         self._own_box, self._handle = box, Handle(drawing, box)
+        self.forces = DrawnForces(drawing)
         self.game = Game(drawing, "/effector")
         self.fit()
 
@@ -70,7 +73,7 @@ class Scene:
         """How far the bodies have come [m], where that is too far to be looked at; else 0."""
         if self._nodes is None:
             return 0.0
-        return gone(self._first, self._box(self._nodes))
+        return gone(self._first, self._now)
 
     def find_robot(self, servos: int) -> bool:
         """Draw a robot with so many servos evenly about Z, since there is one, unless a simulator has told what there
@@ -117,13 +120,18 @@ class Scene:
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
-        self._nodes = positions
         self._bodies.set_nodes(positions)
         if not len(positions):
             return
-        box, seen, room = self._box(positions), self._seen, LEFT * self._seen.radius
+        self._nodes = positions
+        self._now = box = self._box(positions)
+        seen, room = self._seen, LEFT * self._seen.radius
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
+
+    def set_field(self, name: str, values: FloatArray | None) -> None:
+        """Tell a field at the nodes of the mesh, shape (n,); None: not any more."""
+        self._bodies.set_field(name, values)
 
     def set_slack(self, names: frozenset[str]) -> None:
         """Show which cables are slack, by their names."""

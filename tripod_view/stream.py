@@ -14,7 +14,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from tripod_view.drawing import Drawing
-from tripod_view.events import LONGEST, Dropped, EventError, Inbox, Nonsense, Took, hand_of
+from tripod_view.events import LONGEST, Dropped, EventError, Inbox, Nonsense, Shows, Took, hand_of
 
 PATH: Final = "/page/scene"
 """Of the websocket, behind the token."""
@@ -68,6 +68,7 @@ class Stream:
             with self._lock:
                 self._viewers.discard(viewer)
             self._inbox.put(Dropped(number))
+            self._inbox.put(Shows(number, "", forces=False))
 
     async def _send(self, connection: ServerConnection, viewer: Viewer) -> None:
         seen = 0

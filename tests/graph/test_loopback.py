@@ -141,3 +141,10 @@ def test_where_loopback_is_down_one_line_says_so(name: str, code: str) -> None:
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=DEADLINE)
     assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (2, "", 1)
     assert_names(ended.stderr, f"{name}: ", "loopback", "Network is unreachable", "sudo ip link set lo up")
+
+
+def test_bodies_of_25_000_nodes_have_room_in_shared_memory() -> None:
+    """Those for whom there is none go in parts, of which some are lost: of 30 pictures a second 3 came."""
+    found = re.search(r"<segment_size>(\d+)</segment_size>", OWN_PROFILES.read_text())
+    assert found
+    assert int(found[1]) >= 4 * 25_000 * 3 * 8

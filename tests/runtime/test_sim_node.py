@@ -71,6 +71,8 @@ def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> Non
     found = dict(graph.ear.get_publisher_names_and_types_by_node("sim", own))
     expected = {t if t.startswith("/") else f"{own}/{t}" for t in PUBLISHED}
     shown = {topic for topic in found if "/_" not in topic}  # the topics of an action are hidden
+    silent = {names.field_topic(name) for name in graph.node._physics.simulation.fields().names}
+    expected |= {f"{own}/{topic}" for topic in (*silent, names.APPLIED_FORCES)}
     assert shown == expected | {"/rosout", "/parameter_events"}
 
     count = len(MESH.nodes)

@@ -12,7 +12,10 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from tripod_view.drawing import NUMBERS
+
 DEADLINE = 60.0  # [s], for a loaded machine
+FLAT = ("values", "points", "vectors")
 
 
 class FakeBrowser:
@@ -163,10 +166,11 @@ class FakeBrowser:
         if "alive" in message:
             self.nodes = {number: self.nodes[number] for number in message["alive"] if number in self.nodes}
         for i, entry in enumerate(message.get("nodes", ())):
-            for name, kind in (("vertices", "<f4"), ("triangles", "<u4")):
-                if name in entry:
-                    at, count = entry[name]
-                    entry[name] = np.frombuffer(raw, kind, count, first + at).reshape(-1, 3)
+            for name in NUMBERS.keys() & entry:
+                kind = np.dtype(NUMBERS[name]).newbyteorder("<")
+                at, count = entry[name]
+                found = np.frombuffer(raw, kind, count, first + at)
+                entry[name] = found if name in FLAT else found.reshape(-1, 3)
             known = self.nodes.setdefault(entry["number"], {})
             known |= entry
             message["nodes"][i] = {**known, "changed": set(entry)}

@@ -4,15 +4,18 @@ The simulator's side of the page is played by a node that publishes what the rea
 picture, its figures; `FakeSimulator` moves the joints. So the page is driven as it is, and no scene is simulated.
 """
 
+import csv
 import json
 import re
 import shutil
 import time
 import tomllib
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Callable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -27,7 +30,7 @@ from matplotlib.image import imread
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from tripod_msgs.msg import ControlMode
+from tripod_msgs.msg import ControlMode, Field, Forces
 
 from tests import messages
 from tests.domains import own_domain
@@ -704,7 +707,7 @@ def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: St
             page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
         assert download.value.suggested_filename == "effector_ z.csv"
         head, *rows = Path(download.value.path()).read_text().splitlines()
-        assert head == '"time [s]","simulated time [s]","z [mm]","x [mm]"'
+        assert next(csv.reader([head])) == ["time [s]", "simulated time [s]", "z [mm]", "x [mm]"]
         times = np.array([row.split(",")[0] for row in rows], float)
         assert (np.diff(times) > 0).all()
         with page.expect_download() as download:
@@ -745,3 +748,49 @@ def test_the_path_of_the_ball_is_drawn(stage: Stage, browser: Any) -> None:
         assert opened.page.locator("#path").get_attribute("aria-pressed") == "false"
         assert opened.errors == []
     stage.sim.publish_game(False)
+
+
+def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "silicone")
+    topic = names.field_topic("von_mises")
+    stress, forces = (
+        stage.sim.create_publisher(kind, name, RELIABLE)
+        for kind, name in ((Field, topic), (Forces, names.FORCES))
+    )
+    count, crc = len(stage.sim.body[0]), crc32(stage.sim.body[1].tobytes())
+    field = Field(topology_id=crc, unit="Pa", values=array("f", np.linspace(100, 5e3, count).tolist()))
+    field.values[7] = float("nan")
+    load = Forces(names=["load"], units=["N"], counts=[1], points=[0.0] * 3, vectors=[0.0, 0.0, -2.5])
+    limits = "['low', 'high'].map((end) => document.querySelector(`#legend-${end}`).value).join()"
+
+    def until(opened: Opened, publish: Callable[[], None], condition: str) -> None:
+        stage.wait(lambda: publish() or opened.page.evaluate(f"() => Boolean({condition})"))
+
+    with Opened(browser, stage, "screen") as opened:
+        page = opened.page
+        opened.press("Just watch")
+        opened.wait("document.querySelector('#colour option[value=von_mises]')")
+        assert page.locator("#legend").is_hidden()
+        page.locator("#colour").select_option("von_mises")
+        until(opened, lambda: stress.publish(field), f"{limits} === '100,5000'")
+        opened.text("#legend", "von_mises", "Pa", f"1 of {count}")
+        page.locator("#legend-high").fill("4000")
+        page.locator("#legend-high").press("Enter")
+        opened.wait("document.querySelector('#legend-fixed').getAttribute('aria-pressed') === 'true'")
+        field.values[-1] = 9e3
+        stress.publish(field)
+        assert page.evaluate(limits) == "100,4000"
+        page.locator("#legend-fixed").click()
+        until(opened, lambda: stress.publish(field), f"{limits} === '100,9000'")
+        assert page.locator("#arrows").is_hidden()
+        opened.press("Forces")
+        until(opened, lambda: forces.publish(load), "document.querySelector('#arrows input')")
+        opened.text("#arrows", "load", "2.5 N")
+        assert page.locator("#arrows input").is_checked()
+        page.locator("#arrows input").uncheck()
+        opened.press("Forces")
+        page.locator("#colour").select_option("")
+        stage.wait(lambda: stress.get_subscription_count() == forces.get_subscription_count() == 0)
+        opened.wait("document.querySelector('#legend').hidden && document.querySelector('#arrows').hidden")
+        assert opened.errors == []
+    stage.destroy(stress, forces)

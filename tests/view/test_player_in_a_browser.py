@@ -1,5 +1,6 @@
 """Each control of the player in a real browser, from a file without a network."""
 
+import csv
 import re
 import shutil
 from collections.abc import Iterator
@@ -49,6 +50,11 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
+def same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two pictures are the same, but for how the browser rounds the background."""
+    return bool((np.abs(one - other) < 0.01).all())
+
+
 class Player:
     """The player of a film in a browser, at rest at a time; `errors` keeps what its console complains of."""
 
@@ -84,7 +90,7 @@ class Player:
         """Return whether something changes the picture."""
         before = self.pixels()
         act()
-        return bool((np.abs(self.pixels() - before) > 0.05).any())
+        return not same(self.pixels(), before)
 
     def download(self, act: Any) -> tuple[str, bytes]:
         """Return name and content of the file that something saves."""
@@ -148,12 +154,12 @@ def test_the_camera_goes_where_it_is_told(player: Player) -> None:
         seen.append(player.pixels())
         page.locator("#home").click()
         page.keyboard.press(key)
-        np.testing.assert_array_equal(player.pixels(), seen[-1], name)
+        assert same(player.pixels(), seen[-1]), name
         if name != "fit":
             page.locator("#home").click()
-    np.testing.assert_array_equal(seen[0], first)
+    assert same(seen[0], first)
     for i in range(4):
-        assert all((seen[i] != other).any() for other in seen[:i])
+        assert not any(same(seen[i], other) for other in seen[:i])
     page.locator("#home").click()
     box = page.locator("#picture").bounding_box()
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
@@ -176,7 +182,7 @@ def test_the_camera_goes_where_it_is_told(player: Player) -> None:
     page.keyboard.press("b")
     assert page.locator("#below").get_attribute("aria-pressed") == "true"
     drag()
-    assert (player.pixels() != above).any()
+    assert not same(player.pixels(), above)
 
 
 def test_the_camera_follows_what_it_is_told(player: Player) -> None:
@@ -187,19 +193,19 @@ def test_the_camera_follows_what_it_is_told(player: Player) -> None:
         "follow ball",
     ]
 
-    def reddest() -> float:
+    def column() -> float:
         """Return the column of the ball."""
         image = player.pixels()
         red = (image[..., 0] > image[..., 1] + 0.3) & (image[..., 2] < 0.35)
         return float(np.nonzero(red)[1].mean())
 
     page.locator("#follow").select_option(label="follow ball")
-    before = reddest()
+    before = column()
     page.keyboard.press("End")
     player.clock("1.50")
-    assert reddest() == pytest.approx(before, abs=2)
+    assert column() == pytest.approx(before, abs=2)
     page.locator("#follow").select_option(label="stand still")
-    assert abs(reddest() - before) > 20
+    assert abs(column() - before) > 20
 
 
 def count(image: np.ndarray, colour: tuple[int, int, int]) -> int:
@@ -213,12 +219,13 @@ def test_mesh_path_and_forces_are_switched_on_and_off(player: Player) -> None:
         assert player.changes(page.locator(f"#{name}").click)
         assert page.locator(f"#{name}").get_attribute("aria-pressed") == "true"
         page.keyboard.press(key)
-        np.testing.assert_array_equal(player.pixels(), plain)
+        assert same(player.pixels(), plain)
     page.keyboard.press("End")
     page.locator("#path").click()
     assert count(player.pixels(), (194, 24, 91)) > 20
     page.locator("#path").click()
     assert player.changes(page.locator("#arrow-0").check)
+    player.wait("document.querySelector('#arrows').textContent.includes('2.5')")
     messages.assert_names(page.locator("#arrows label").inner_text(), "load", "2.5 N")
     page.locator("#arrow-0").uncheck()
 
@@ -234,19 +241,24 @@ def test_the_surface_is_coloured_in_a_range_that_one_fixes(player: Player) -> No
 
     assert ends() == pytest.approx([0, 70], abs=0.3)
     page.keyboard.press("End")
-    player.wait("Number(document.querySelector('#legend-high').value) < 36")
+    player.clock("1.50")
+    assert ends() == pytest.approx([0, 70], abs=0.3), "the range of the whole film"
+    assert page.locator("#legend-fixed").get_attribute("aria-pressed") == "true"
     page.locator("#legend-fixed").click()
+    player.wait("Number(document.querySelector('#legend-high').value) < 36")
+    assert ends() == pytest.approx([0, 35], abs=0.3)
+    page.locator("#legend-fixed").click()
+    player.wait("Number(document.querySelector('#legend-high').value) > 69")
     page.keyboard.press("ArrowLeft")
     page.keyboard.press("ArrowLeft")
     player.clock("0.50")
-    assert page.locator("#legend-fixed").get_attribute("aria-pressed") == "true"
-    assert ends() == pytest.approx([0, 35], abs=0.3)
 
     def type_high() -> None:
         page.locator("#legend-high").fill("700")
         page.locator("#legend-high").press("Enter")
 
     assert player.changes(type_high)
+    page.locator("#legend-fixed").click()
     page.locator("#legend-fixed").click()
     player.wait("Math.abs(Number(document.querySelector('#legend-high').value) - 70) < 1")
     page.locator("#colour").select_option("")
@@ -259,6 +271,7 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     page.locator("#top").click()
     middle = {"x": 0.5 * box["width"], "y": 0.5 * box["height"] + 30}
     page.locator("#picture").click(position=middle)
+    player.wait("document.querySelector('#picked').textContent")
     told = page.locator("#picked").inner_text()
     found = re.fullmatch(r"sheet, node (\d+) at \[(.*)\] m; heat ([\d.]+) K", told)
     assert found, told
@@ -270,11 +283,11 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     name, content = player.download(page.locator("[aria-label^='save the numbers: sheet']").click)
     assert name == f"sheet, node {node}.csv"
     head, *rows = content.decode().splitlines()
-    assert head == '"time [s]","x [mm]","y [mm]","z [mm]"'
+    assert next(csv.reader([head])) == ["time [s]", "x [mm]", "y [mm]", "z [mm]"]
     table = np.array([row.split(",") for row in rows], float)
     np.testing.assert_allclose(table[:, 1:], 1e3 * shown_film().bodies[0].positions[:, node], atol=0.01)
     page.locator("#picture").click(position={"x": 30, "y": box["height"] - 120})
-    assert not page.locator("#plot-picked").is_visible()
+    player.wait("!document.querySelector('#plot-picked').checkVisibility()")
 
 
 def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
@@ -282,8 +295,9 @@ def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
     assert player.plots() == ["height [mm]"]
     name, content = player.download(page.locator("[aria-label='save the numbers: height']").click)
     assert name == "height.csv"
-    assert content.decode().splitlines() == [
-        '"time [s]","a [mm]","b [mm]"',
+    head, *rows = content.decode().splitlines()
+    assert next(csv.reader([head])) == ["time [s]", "a [mm]", "b [mm]"]
+    assert rows == [
         "0,0,",
         "0.5,0.5,",
         "1,1,",
@@ -294,7 +308,7 @@ def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
     page.locator("#more").select_option(label="height: a")
     assert player.plots() == ["height [mm]", "height: a [mm]"]
     page.locator("#more").select_option(label="height: b → height: a")
-    assert page.locator(".plot .legend").nth(1).locator("b").count() == 2
+    player.wait("document.querySelectorAll('.plot .legend')[1].querySelectorAll('b').length === 2")
     page.locator("[aria-label='remove the plot: height']").click()
     assert player.plots() == ["height: a [mm]"]
     canvas = page.locator(".plot canvas")

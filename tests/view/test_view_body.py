@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.messages import assert_names, raises_naming
+from tripod_graph import names
 from tripod_view.body import PATIENCE, Body, BodyError, Surface
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -112,3 +113,35 @@ def test_the_same_mesh_again_is_no_change_but_moved_nodes_are() -> None:
     one.fit(7, SQUARE.ravel())
     assert one.rebuild(Surface(2 * SQUARE, ONE_WAY))
     assert one.fit(7, SQUARE.ravel()) is not None  # same nodes in the same order: same id
+
+
+@pytest.mark.parametrize(
+    ("topology_id", "values", "named"),
+    [
+        (7, np.zeros(3), ("3 values", "4 nodes")),
+        (7, np.zeros(12), ("12 values", "4 nodes")),
+        (7, np.zeros(0), ("0 values", "4 nodes")),
+        (8, np.zeros(4), ("topology id 8", "has 7")),
+    ],
+)
+def test_fields_that_do_not_fit_are_counted(
+    topology_id: int, values: np.ndarray, named: tuple[str, ...]
+) -> None:
+    one = body()
+    for _ in range(PATIENCE):
+        assert one.fit_field(7, np.zeros(4)) is None  # the id of the mesh is not known yet
+    assert one.skipped == 0
+    assert one.fit(7, SQUARE.ravel()) is not None
+    assert one.fit_field(7, np.zeros(4)) is not None
+    for _ in range(PATIENCE + 1):
+        assert one.fit_field(topology_id, values) is None
+        assert one.fit(7, SQUARE.ravel()) is not None
+    assert (one.skipped, one.topic) == (1, names.FIELD)
+    assert_names(one.reason, *named)
+
+
+def test_values_of_a_field_that_are_not_finite_are_none() -> None:
+    one = body()
+    one.fit(7, SQUARE.ravel())
+    field = one.fit_field(7, np.array([1e38, np.nan, np.inf, -np.inf]))
+    np.testing.assert_array_equal(field, [1e38, np.nan, np.nan, np.nan])

@@ -3,8 +3,11 @@
 import socket
 import time
 import urllib.request
+from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -17,7 +20,7 @@ from geometry_msgs.msg import Point, PoseStamped
 from shape_msgs.msg import Mesh, MeshTriangle
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectoryPoint
-from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
+from tripod_msgs.msg import ControlMode, Field, Forces, RobotStatus, SimStatus
 
 from tests.domains import own_domain
 from tests.messages import line_naming, lines_naming, raises_naming
@@ -28,7 +31,7 @@ from tripod_graph import names
 from tripod_graph.joint import Joint
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_view.body import BodyError
-from tripod_view.messages import maze_of
+from tripod_view.messages import ForcesError, groups_of, maze_of
 
 pytestmark = pytest.mark.ros
 
@@ -565,3 +568,96 @@ def test_a_page_that_is_stopped_in_control_leaves_the_robot_stopped(context: rcl
     finally:
         code, errors = stage.close()
     assert (code, "Traceback" in errors) == (0, False)
+
+
+def test_fields_and_forces_are_heard_only_while_a_browser_shows_them(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    show(stage.sim, "silicone")
+    browser.wait(lambda: "von_mises" in [field["name"] for field in browser.values.get("fields", [])])
+    browser.wait(lambda: browser.values["scene"]["name"] == "silicone")
+    stress, forces = (
+        stage.sim.create_publisher(kind, topic, RELIABLE)
+        for kind, topic in ((Field, names.field_topic("von_mises")), (Forces, names.FORCES))
+    )
+    count, crc = len(stage.sim.body[0]), crc32(stage.sim.body[1].tobytes())
+    values = array("f", np.linspace(0, 1e4, count).tolist())
+    values[3] = np.inf
+
+    def nodes(kind: str) -> list[dict[str, Any]]:
+        return [node for node in list(browser.nodes.values()) if node["kind"] == kind]
+
+    def refused(publish: Callable[[], None]) -> None:
+        """Publish until another message is refused; the page shows what it showed."""
+        before = browser.pictures()
+        publish()
+        browser.wait(lambda: browser.pictures() > before + 3)
+        assert [len(node["values"]) for node in nodes("field")] == [count]
+
+    try:
+        assert (stress.get_subscription_count(), forces.get_subscription_count()) == (0, 0)
+        browser.send(show="von_mises", forces=False)
+        stage.wait(stress.get_subscription_count)
+        assert forces.get_subscription_count() == 0
+        good = Field(topology_id=crc, unit="Pa", values=values)
+        stage.wait(lambda: stress.publish(good) or nodes("field"))
+        [field] = nodes("field")
+        assert field["path"] == "/bodies/0/von_mises"
+        np.testing.assert_allclose(field["values"][4:], values[4:], rtol=1e-6)
+        assert np.isnan(field["values"][3])
+        for bad in (
+            Field(topology_id=crc + 1, unit="Pa", values=values),
+            Field(topology_id=crc, unit="m", values=values),
+            Field(topology_id=crc, unit="Pa", values=values[:-1]),
+            Field(topology_id=crc, unit="Pa"),
+        ):
+            refused(lambda bad=bad: stress.publish(bad))
+        browser.send(show="", forces=True)
+        stage.wait(lambda: stress.get_subscription_count() == 0 and forces.get_subscription_count())
+        browser.wait(lambda: not nodes("field"))
+        two = Forces(names=["reaction", "load"], units=["N", "N"], counts=[1, 1])
+        two.points, two.vectors = array("d", range(6)), array("d", range(6, 12))
+        stage.wait(lambda: forces.publish(two) or nodes("arrows"))
+        told = {
+            node["name"]: (node["unit"], list(node["points"]), list(node["vectors"]))
+            for node in nodes("arrows")
+        }
+        assert told == {"reaction": ("N", [0, 1, 2], [6, 7, 8]), "load": ("N", [3, 4, 5], [9, 10, 11])}
+        browser.send(show="no_such", forces=False)
+        stage.wait(lambda: forces.get_subscription_count() == 0)
+        browser.wait(lambda: not nodes("arrows"))
+        with FakeBrowser(stage.url) as other:
+            other.send(show="von_mises", forces=False)
+            stage.wait(stress.get_subscription_count)
+        stage.wait(lambda: stress.get_subscription_count() == 0)
+    finally:
+        stage.destroy(stress, forces)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"counts": [2]}, ("2 forces",)),
+        ({"counts": [1, 1]}, ("2 counts",)),
+        ({"counts": [4294967295]}, ("4294967295 forces",)),
+        ({"names": ["a/b"]}, ("name",)),
+        ({"names": ["x" * 41]}, ("name",)),
+        ({"units": []}, ("0 units",)),
+        ({"points": [0.0, np.nan, 0.0]}, ("coordinate", "not finite")),
+        ({"vectors": [np.inf, 0.0, 0.0]}, ("component", "not finite")),
+        ({"vectors": [1e300, 0.0, 0.0]}, ("component", "1e+09")),
+        ({"vectors": [1.0]}, ("1 components",)),
+    ],
+)
+def test_forces_that_cannot_be_are_refused(change: dict[str, Any], named: tuple[str, ...]) -> None:
+    good: dict[str, Any] = {
+        "names": ["load"],
+        "units": ["N"],
+        "counts": [1],
+        "points": [0.0] * 3,
+        "vectors": [1.0] * 3,
+    }
+    assert [group.name for group in groups_of(Forces(**good))] == ["load"]
+    assert groups_of(Forces()) == ()
+    with raises_naming(ForcesError, *named):
+        groups_of(Forces(**{**good, **change}))

@@ -1,6 +1,6 @@
-"""Perceptually even colours of a number, low to high: tables that are interpolated. Pure.
+"""Colours of forces, and perceptually even colours of a number, low to high: tables that are interpolated. Pure.
 
-Both are those of matplotlib: `viridis` (CC0) for values of one sign, `coolwarm` [Moreland2009] for signed ones.
+The latter are those of matplotlib: `viridis` (CC0) for values of one sign, `coolwarm` [Moreland2009] for signed ones.
 """
 
 MAPS = {
@@ -16,3 +16,15 @@ MAPS = {
     ),
 }  # fmt: skip
 """Colours [r, g, b], 0 to 255, evenly from the lowest value to the highest."""
+
+FORCES: dict[str, tuple[int, int, int]] = {
+    "normal force": (214, 39, 40),
+    "friction": (255, 127, 14),
+    "reaction": (31, 119, 180),
+    "reaction moment": (106, 81, 163),
+    "cable tension": (0, 140, 140),
+    "servo torque": (194, 24, 91),
+    "load": (44, 140, 44),
+    "weight": (110, 110, 110),
+}
+"""Colours of groups of forces."""

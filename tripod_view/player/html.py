@@ -30,7 +30,7 @@ def player_page(stage: dict[str, Any], reel: dict[str, Any] | None) -> str:
         "STYLE": _file("view.css", WEB) + _file("player.css"),
         "LIBRARY": _packed("three.js", WEB),
         "SCRIPT": "\n".join(
-            [_file(name, WEB) for name in ("view.js", "toolbar.js", "plot.js")]
+            [_file(name, WEB) for name in ("view.js", "toolbar.js", "colours.js", "plot.js")]
             + [_file(name) for name in ("film.js", "player.js")]
         ),
         "STAGE": _json(stage),

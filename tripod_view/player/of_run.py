@@ -16,6 +16,7 @@ from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, radius, tube, tube_triangles
+from tripod_view.player.colour_maps import FORCES
 from tripod_view.player.film import (
     Arrows,
     Colouring,
@@ -46,18 +47,6 @@ OBSTACLE, MAZE, GOAL, BALL, BELT = (
     (205, 45, 45),
     (250, 240, 225),
 )
-
-FORCES: Mapping[str, Rgb] = {
-    "normal force": (214, 39, 40),
-    "friction": (255, 127, 14),
-    "reaction": (31, 119, 180),
-    "reaction moment": (106, 81, 163),
-    "cable tension": (0, 140, 140),
-    "servo torque": (194, 24, 91),
-    "load": (44, 140, 44),
-    "weight": (110, 110, 110),
-}
-"""Colours of groups of forces."""
 
 DISC_HEIGHT = 0.006
 """Of an effector's disc [m]."""

@@ -3,86 +3,43 @@
 
 const PARTS = /^(servo|arm|goal)\b/; // pieces that no camera follows
 
-const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "–");
-
-// What the surface may be coloured by: its own colours, and the fields of the film.
-class Colours {
-  constructor(film, view) {
+// By the fields of the film.
+class FilmColours extends Colours {
+  constructor(film, view, changed) {
+    super(view, film.stage.maps, changed);
     this.film = film;
-    this.view = view;
-    this.maps = Object.fromEntries(Object.entries(film.stage.maps).map(([name, table]) => [name, spread(table)]));
     const names = new Map();
     film.stage.bodies.forEach((body, b) => body.fields.forEach((field, f) => {
-      if (!names.has(field.name)) names.set(field.name, { unit: field.unit, map: field.signed ? "signed" : "plain", of: [] });
+      if (!names.has(field.name)) names.set(field.name, { unit: field.unit, signed: field.signed, of: [] });
       names.get(field.name).of.push([b, f]);
     }));
     const all = film.stage.bodies.map((_, b) => [b, -1]).filter(([b]) => film.stage.bodies[b].nodes);
-    const moved = names.has("displacement") ? [] : [["moved since the first picture", { unit: "m", map: "plain", of: all }]];
-    this.fields = new Map([...moved, ...names]);
+    const moved = names.has("displacement") ? [] : [["moved since the first picture", { unit: "m", signed: false, of: all }]];
     this.values = film.stage.bodies.map((body) => new Float32Array(body.nodes));
-    this.chosen = "";
-    this.range = "film"; // or null: that of the picture; or two numbers
+    this.offer(new Map([...moved, ...names]));
   }
 
-  choose(name) {
-    this.chosen = name;
-    this.range = "film";
-    if (!name) this.view.bodies.forEach((_, b) => this.view.paint(b, null));
-    byId("legend").hidden = !name;
+  get first() { return "whole"; }
+
+  whole() {
+    const ends = this.fields.get(this.chosen).of.map(([b, f]) => this.film.limits(b, f));
+    return [Math.min(...ends.map(([low]) => low)), Math.max(...ends.map(([, high]) => high))];
   }
 
-  // Colours the picture at hand and draws the legend.
-  paint(moment) {
+  // Colours the picture at hand.
+  update(moment) {
     const field = this.fields.get(this.chosen);
     if (!field) return;
-    let low = Infinity, high = -Infinity;
-    const take = (v) => { if (v < low) low = v; if (v > high) high = v; };
     for (const [b, f] of field.of) {
-      const values = this.values[b];
-      if (f < 0) this.film.displacement(b, moment, values); else this.film.values(b, f, moment, values);
-      if (this.range) this.film.limits(b, f).forEach(take); else values.forEach(take);
+      if (f < 0) this.film.displacement(b, moment, this.values[b]); else this.film.values(b, f, moment, this.values[b]);
     }
-    if (!(low <= high)) [low, high] = [0, 0];
-    if (field.map === "signed") [low, high] = [-Math.max(-low, high), Math.max(-low, high)];
-    const [from, to] = this.now = Array.isArray(this.range) ? this.range : [low, high], map = this.maps[field.map];
-    for (const [b] of field.of) this.view.paint(b, this.values[b], from, to, map);
-    this.legend(field, from, to, map);
-  }
-
-  legend(field, low, high, map) {
-    const [factor, unit] = field.unit === "m" ? [1000, "mm"] : [1, field.unit];
-    byId("legend-title").textContent = unit ? `${this.chosen} [${unit}]` : this.chosen;
-    [byId("legend-low"), byId("legend-high")].forEach((input, i) => {
-      if (document.activeElement !== input) input.value = shown(factor * [low, high][i]);
-    });
-    byId("legend-fixed").setAttribute("aria-pressed", String(Boolean(this.range)));
-    const bar = byId("legend-bar"), pen = bar.getContext("2d");
-    for (let i = 0; i < 256; i++) {
-      pen.fillStyle = `rgb(${map[3 * i]},${map[3 * i + 1]},${map[3 * i + 2]})`;
-      pen.fillRect(i, 0, 1, bar.height);
-    }
-  }
-
-  // Takes the range that was typed.
-  fix() {
-    const factor = this.fields.get(this.chosen)?.unit === "m" ? 1000 : 1;
-    const [low, high] = [byId("legend-low"), byId("legend-high")].map((input) => Number(input.value.replace(",", ".")) / factor);
-    if (Number.isFinite(low) && low < high) this.range = [low, high];
+    this.paint(field.of.map(([b]) => [this.view.bodies[b], this.values[b]]));
   }
 
   // The value at a node of a body, in words; empty where there is none.
   at(b, node) {
-    const field = this.fields.get(this.chosen);
-    if (!field || !field.of.some(([body]) => body === b)) return "";
-    const value = this.values[b][node];
-    return field.unit === "m" ? `${this.chosen} ${length(value)}` : `${this.chosen} ${shown(value)} ${field.unit}`;
-  }
-
-  get words() {
-    const field = this.fields.get(this.chosen);
-    if (!field) return [];
-    const [low, high] = this.now, factor = field.unit === "m" ? 1000 : 1;
-    return [`${this.chosen}: ${shown(factor * low)} to ${shown(factor * high)} ${field.unit === "m" ? "mm" : field.unit}`];
+    const there = this.fields.get(this.chosen)?.of.some(([body]) => body === b);
+    return there ? this.words(this.values[b][node]) : "";
   }
 }
 
@@ -103,7 +60,7 @@ async function main() {
     console.info(error.message);
     throw new Error("this browser has no WebGL 2, so the picture stays empty; the curves still play. Switch on hardware acceleration in the settings of the browser, or open this page in another one (Firefox, Chrome)");
   }
-  const colours = new Colours(film, view), picked = [];
+  const colours = new FilmColours(film, view, redraw), picked = [];
   const seek = (t) => { time = clamp(t, film.start, film.end); redraw(); };
   const jump = (t) => { play(false); seek(t); };
   const plots = new Plots(byId("panels"), film, jump);
@@ -115,11 +72,10 @@ async function main() {
 
   // ---- controls
 
-  for (const name of colours.fields.keys()) option(byId("colour"), name, name);
   if (stage.colouring) {
     byId("colour").value = stage.colouring.name;
     colours.choose(stage.colouring.name);
-    colours.range = stage.colouring.limits ?? "film";
+    colours.range = stage.colouring.limits ?? colours.first;
   }
   option(byId("follow"), "", "stand still");
   option(byId("follow"), "bodies", "follow bodies");
@@ -129,23 +85,13 @@ async function main() {
   const main = ["ball", "effector", "maze", ...movers.keys()].find((name) => movers.has(name)); // whose path is drawn
   byId("follow").value = followed;
   byId("follow").addEventListener("change", (e) => { followed = e.target.value; redraw(); });
-  byId("colour").addEventListener("change", (e) => { colours.choose(e.target.value); redraw(); });
-  for (const id of ["legend-low", "legend-high"]) byId(id).addEventListener("change", () => { colours.fix(); redraw(); });
-  byId("legend-fixed").addEventListener("click", () => { colours.range = colours.range ? null : "film"; redraw(); });
-  stage.arrows.forEach((arrow, a) => {
-    const label = document.createElement("label"), box = document.createElement("input");
-    box.type = "checkbox"; box.id = `arrow-${a}`;
-    box.addEventListener("change", redraw);
-    label.append(box, ` ${arrow.name}`);
-    byId("arrows").append(label);
-  });
-  byId("arrows").hidden = !stage.arrows.length;
+  const boxes = new ForceBoxes(byId("arrows"), false, redraw);
   const then = (act) => () => { act(); redraw(); };
   const all = (actions) => Object.fromEntries(Object.entries(actions).map(([name, act]) => [name, then(act)]));
   const cameras = all(cameraActions(view)), more = all({
     lines: () => { showLines = !showLines; view.showLines(showLines); pressed("lines", showLines); },
     path: () => { showPath = !showPath; pressed("path", showPath); },
-    shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`, ...colours.words])),
+    shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`, ...colours.lines])),
     panel: () => { byId("panels").hidden = !byId("panels").hidden; pressed("panel", !byId("panels").hidden); },
     help: () => toggleSheet(true),
   });
@@ -193,10 +139,10 @@ async function main() {
     view.origin = origin(moment);
     stage.bodies.forEach((_, b) => { film.nodes(b, moment, view.origin, view.nodes(b)); view.update(b); });
     stage.pieces.forEach((piece, p) => view.place(p, piece.moves ? film.pose(p, moment) : [0, 0, 0, 0, 0, 0, 1]));
-    colours.paint(moment);
+    colours.update(moment);
+    boxes.offer(stage.arrows);
     stage.arrows.forEach((arrow, a) => {
-      const { points, vectors } = film.arrows[a][moment[0]], on = byId(`arrow-${a}`).checked, none = new Float32Array(0);
-      byId(`arrow-${a}`).nextSibling.data = ` ${arrow.name}, up to ${arrow.longest.toPrecision(2)} ${arrow.unit}`;
+      const { points, vectors } = film.arrows[a][moment[0]], on = boxes.has(arrow.name), none = new Float32Array(0);
       view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.arrowScale(arrow.longest));
     });
     view.trail(showPath ? film.path(movers.get(Number(followed) ? stage.pieces[followed].name : main), moment) : []);

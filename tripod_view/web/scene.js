@@ -1,6 +1,6 @@
 // The 3-D scene: nodes by number as `drawing.py` describes them, from a websocket of its own.
 
-import { value } from "./channel.js";
+import { listen, value } from "./channel.js";
 
 const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
@@ -21,6 +21,8 @@ class LiveView extends View {
     this.lined = true;
     this.followed = "";
     this.way = null; // numbers of the path, if it is drawn
+    this.forces = false; // whether they are drawn
+    this.recolour = false; // whether there are other values than those that were painted
     this.root = new THREE.Group();
     this.world = new THREE.Group();
     this.root.add(this.world);
@@ -36,6 +38,8 @@ class LiveView extends View {
     const node = this.all.get(number);
     this.all.delete(number);
     if (!node) return;
+    if (node.kind === "field") this.recolour = true;
+    if (node.kind === "arrows") this.point(`force ${node.name}`, [], [], node.colour, 1);
     node.group.removeFromParent();
     node.shadow?.removeFromParent();
     node.label?.remove();
@@ -48,14 +52,18 @@ class LiveView extends View {
     const size = new DataView(buffer).getUint32(0, true), T = THREE;
     const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
     const floats = ([first, count]) => new T.BufferAttribute(new Float32Array(buffer, 4 + size + first, count), 3);
+    const plain = ([first, count]) => new Float32Array(buffer, 4 + size + first, count);
     const whole = ([first, count]) => new T.BufferAttribute(new Uint32Array(buffer, 4 + size + first, count), 1);
     if (head.alive) {
       const alive = new Set(head.alive);
       for (const number of [...this.all.keys()]) if (!alive.has(number)) this.drop(number);
     }
-    for (const { number, vertices, triangles, rest: undeformed, ...rest } of head.nodes ?? []) {
+    for (const { number, vertices, triangles, values, points, vectors, rest: undeformed, ...rest } of head.nodes ?? []) {
       const node = this.all.get(number) ?? this.add(number, rest);
       Object.assign(node, rest);
+      if (values) { node.values = plain(values); this.recolour = true; }
+      if (points) node.points = plain(points);
+      if (vectors) node.vectors = plain(vectors);
       if (vertices) this.shape(node, floats(vertices), triangles && whole(triangles));
       if (undeformed) node.undeformed = floats(undeformed);
       if (rest.pose && !node.dragged) { node.group.position.fromArray(rest.pose); node.group.quaternion.fromArray(rest.pose, 3); }
@@ -67,7 +75,7 @@ class LiveView extends View {
   }
 
   add(number, { kind, parent, text, axes }) {
-    const node = { group: new THREE.Group(), made: [], number };
+    const node = { group: new THREE.Group(), made: [], number, longest: 0 };
     (this.all.get(parent)?.group ?? this.root).add(node.group);
     if (kind === "group" && axes > 0) this.addAxes(node.group, axes);
     if (kind === "label") {
@@ -141,6 +149,55 @@ class LiveView extends View {
   showLines(shown) {
     this.lined = shown;
     for (const node of this.all.values()) if (node.deforms && node.body) this.line(node);
+  }
+
+  // ---- fields and forces
+
+  uncover() {
+    for (const { coat } of this.all.values()) if (coat) this.paint(coat, null);
+    this.recolour = true;
+  }
+
+  // Bodies with the values of a field, for `Colours`.
+  valued(field) {
+    const found = [];
+    for (const { kind, path, parent, values } of this.all.values()) {
+      const node = kind === "field" && path.endsWith(`/${field}`) && this.all.get(parent);
+      if (!node?.body || node.geometry.attributes.position.count !== values.length) continue;
+      if (!node.coat) {
+        node.coat = { mesh: node.body, geometry: node.geometry, plain: node.material };
+        node.made.push({ dispose: () => node.coat.painted?.dispose() });
+      }
+      found.push([node.coat, values]);
+    }
+    return found;
+  }
+
+  // Groups of forces, with the longest of each since they were switched on.
+  groups() {
+    if (!this.forces) return [];
+    return [...this.all.values()].filter(({ kind, points, vectors }) => kind === "arrows" && points?.length === vectors?.length);
+  }
+
+  // Draws the groups of forces that are wanted.
+  lay() {
+    for (const node of this.all.values()) {
+      if (node.kind !== "arrows") continue;
+      const { name, points, vectors, colour } = node, on = this.forces && this.wants(name) && points.length === vectors.length;
+      this.point(`force ${name}`, on ? points : [], on ? vectors : [], colour, this.arrowScale(node.longest));
+    }
+  }
+
+  measure() {
+    for (const node of this.groups()) {
+      const { vectors } = node;
+      for (let i = 0; i < vectors.length; i += 3) node.longest = Math.max(node.longest, Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]));
+    }
+  }
+
+  showForces(on) {
+    this.forces = on;
+    for (const node of this.all.values()) node.longest = 0;
   }
 
   addAxes(group, length) {
@@ -298,6 +355,7 @@ class LiveView extends View {
     const followed = this.followed && this.node(this.followed);
     if (followed) this.origin = followed.group.position.toArray();
     this.root.position.set(...this.origin.map((v) => -v));
+    this.lay();
     this.root.updateMatrixWorld();
     for (const { group, shadow, controls } of this.all.values()) {
       if (shadow) {
@@ -327,6 +385,20 @@ class LiveView extends View {
   }
 }
 
+// By the fields of the simulation.
+class LiveColours extends Colours {
+  update() {
+    if (!this.chosen || !this.view.recolour) return;
+    this.view.recolour = false;
+    const parts = this.view.valued(this.chosen);
+    if (parts.length) { this.paint(parts); return; }
+    this.view.uncover();
+    this.view.recolour = false;
+    byId("legend-title").textContent = this.chosen;
+    this.note((value("replay")?.age ?? null) === null ? "waiting for values" : "the replay does not have it");
+  }
+}
+
 // Shows the scene; returns its view, or null where the browser cannot draw.
 export function scene() {
   let asked = 0, socket = null, view;
@@ -340,6 +412,23 @@ export function scene() {
     return null;
   }
 
+  let colours = null;
+  const boxes = new ForceBoxes(byId("arrows"), true, redraw);
+  view.wants = (name) => boxes.has(name);
+  // Says what this page shows: the simulator computes nothing else, and nothing for a page that is hidden.
+  const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && view.forces });
+  const offer = () => {
+    const maps = value("maps"), fields = value("fields");
+    if (!maps || !fields) return;
+    colours ??= new LiveColours(view, maps, () => { view.recolour = true; tell(); redraw(); });
+    const before = colours.chosen;
+    colours.offer(new Map(fields.map((field) => [field.name, field])));
+    if (colours.chosen !== before) tell();
+  };
+  listen("maps", offer);
+  listen("fields", offer);
+  document.addEventListener("visibilitychange", tell);
+
   function paint() {
     asked = 0;
     for (const { from, data, first } of pending.splice(0)) {
@@ -349,6 +438,9 @@ export function scene() {
       view.take(data, again);
       hand({ took: true }); // a page that is hidden is not painted: it is sent nothing more
     }
+    colours?.update();
+    view.measure();
+    boxes.offer(view.groups());
     view.render();
     byId("scale").textContent = `one square of the floor: ${length(view.cell)}`;
     offerFollow(view);
@@ -360,6 +452,7 @@ export function scene() {
     let first = true;
     socket = own;
     own.binaryType = "arraybuffer";
+    own.addEventListener("open", tell);
     own.addEventListener("message", ({ data }) => {
       pending.push({ from: own, data, first });
       first = false;
@@ -371,7 +464,7 @@ export function scene() {
   open();
   addEventListener("resize", redraw);
   new ResizeObserver(redraw).observe(byId("stage"));
-  tools(view, redraw);
+  tools(view, redraw, tell, () => colours?.lines ?? []);
   return view;
 }
 
@@ -387,7 +480,7 @@ function offerFollow(view) {
   if (view.followed !== chosen) view.follow(chosen);
 }
 
-function tools(view, redraw) {
+function tools(view, redraw, tell, legend) {
   const then = (act) => () => { act(); redraw(); };
   const all = (actions) => Object.fromEntries(Object.entries(actions).map(([name, act]) => [name, then(act)]));
   const cameras = all(cameraActions(view));
@@ -396,8 +489,9 @@ function tools(view, redraw) {
     path: () => { view.showPath(!view.way); pressed("path", Boolean(view.way)); },
     shot: async () => {
       const name = value("scene")?.name || "tripod", time = value("run")?.time;
-      save(`${name}.png`, await view.screenshot(BACKGROUND, [time === undefined ? name : `${name}, ${time.toFixed(2)} s`]));
+      save(`${name}.png`, await view.screenshot(BACKGROUND, [time === undefined ? name : `${name}, ${time.toFixed(2)} s`, ...legend()]));
     },
+    forces: () => { view.showForces(!view.forces); pressed("forces", view.forces); tell(); },
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),
     help: () => toggleSheet(false), // STOP works on
   });

@@ -7,11 +7,12 @@ const TOOLS = { // what stands on a button, and what it does
   home: ["Reset view", "the view at first"], fit: ["Fit", "show all, from here"], top: ["Top", "from above"],
   front: ["Front", "from the front"], side: ["Side", "from the side"], below: ["Below", "let the camera below the floor"],
   lines: ["Mesh", "lines of the mesh"], path: ["Path", "the path of what moves"],
+  forces: ["Forces", "the forces on the bodies"],
   pull: ["Pull", "drag a body by the mouse"],
   shot: ["Save picture", "save a picture as PNG"], panel: ["Plots", "show or hide the plots"],
   aside: ["Panel", "show or hide the panel"], help: ["?", "keys and mouse"],
 };
-const SWITCHES = ["below", "lines", "path", "pull", "panel", "aside"]; // stay pressed
+const SWITCHES = ["below", "lines", "path", "forces", "pull", "panel", "aside"]; // stay pressed
 
 const byId = (id) => document.getElementById(id);
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));

@@ -146,9 +146,12 @@ class View {
     shadow.matrix.copy(mesh.matrix);
   }
 
-  // Colours body b by a number for each node, from `low` to `high`; without `values` it has its own colour.
-  paint(b, values, low, high, map) {
-    const body = this.bodies[b];
+  // Lets all bodies have their own colours.
+  uncover() { for (const body of this.bodies) this.paint(body, null); }
+
+  // Colours a body {mesh, geometry, plain} by a number for each node, from `low` to `high`; without `values` it has its
+  // own colour, that of `plain`.
+  paint(body, values, low, high, map) {
     if (!values) { body.mesh.material = body.plain; return; }
     if (!body.colours) {
       body.colours = new THREE.BufferAttribute(new Uint8Array(4 * values.length), 4, true).setUsage(THREE.DynamicDrawUsage);

@@ -1,0 +1,131 @@
+"use strict";
+// Colours of a field with their legend, and boxes for forces: what films and the live page have in common.
+
+const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "–");
+
+class Colours {
+  // `maps`: tables of colours by name; `changed`: called when the user changed something.
+  constructor(view, maps, changed) {
+    this.view = view;
+    this.maps = Object.fromEntries(Object.entries(maps).map(([name, table]) => [name, spread(table)]));
+    this.fields = new Map(); // by name {unit, signed}
+    this.chosen = "";
+    this.range = null; // fixed: two numbers, or "whole": that of `whole`; null: that of the picture
+    this.now = [0, 0];
+    byId("colour").addEventListener("change", () => { this.choose(byId("colour").value); byId("colour").blur(); changed(); });
+    for (const id of ["legend-low", "legend-high"]) byId(id).addEventListener("change", () => { this.fix(); changed(); });
+    byId("legend-fixed").addEventListener("click", () => { this.range = this.range ? null : this.first ?? [...this.now]; changed(); });
+  }
+
+  // Lets the surface be coloured by these fields.
+  offer(fields) {
+    const select = byId("colour"), names = [...fields.keys()];
+    this.fields = fields;
+    if ([...select.options].slice(1).map((one) => one.value).join() !== names.join()) {
+      while (select.length > 1) select.remove(1);
+      for (const name of names) option(select, name, name);
+    }
+    if (!fields.has(this.chosen)) this.choose("");
+    select.value = this.chosen;
+  }
+
+  // Range at first, and what a fixed one then is: null where nothing but the picture is known.
+  get first() { return null; }
+
+  // Lowest and highest value of the chosen field anywhere.
+  whole() { return this.now; }
+
+  choose(name) {
+    this.chosen = name;
+    this.range = this.first;
+    this.view.uncover();
+    byId("legend").hidden = !name;
+  }
+
+  // Colours bodies, each [body of the view, a number for each node], and draws the legend.
+  paint(parts) {
+    let low = Infinity, high = -Infinity, missing = 0, all = 0;
+    for (const [, values] of parts) {
+      all += values.length;
+      for (const v of values) { if (v < low) low = v; if (v > high) high = v; if (v !== v) missing++; }
+    }
+    const field = this.fields.get(this.chosen);
+    const whole = ([a, b]) => (!(a <= b) ? [0, 0] : field.signed ? [-Math.max(-a, b), Math.max(-a, b)] : [a, b]);
+    this.now = whole(this.range === "whole" ? this.whole() : [low, high]);
+    const [from, to] = this.limits, map = this.maps[field.signed ? "signed" : "plain"];
+    for (const [body, values] of parts) this.view.paint(body, values, from, to, map);
+    this.legend(from, to, map);
+    this.note(missing ? `grey: ${missing} of ${all} nodes have no value` : "");
+  }
+
+  get limits() { return Array.isArray(this.range) ? this.range : this.now; }
+
+  get unit() { return this.fields.get(this.chosen)?.unit ?? ""; }
+
+  // From values to what is written, and its unit.
+  get scale() { return this.unit === "m" ? [1000, "mm"] : [1, this.unit]; }
+
+  note(text) { if (byId("legend-note").textContent !== text) byId("legend-note").textContent = text; }
+
+  legend(low, high, map) {
+    const [factor, unit] = this.scale;
+    byId("legend-title").textContent = unit ? `${this.chosen} [${unit}]` : this.chosen;
+    [byId("legend-low"), byId("legend-high")].forEach((input, i) => {
+      if (document.activeElement !== input) input.value = shown(factor * [low, high][i]);
+    });
+    pressed("legend-fixed", Boolean(this.range));
+    const bar = byId("legend-bar"), pen = bar.getContext("2d");
+    for (let i = 0; i < 256; i++) {
+      pen.fillStyle = `rgb(${map[3 * i]},${map[3 * i + 1]},${map[3 * i + 2]})`;
+      pen.fillRect(i, 0, 1, bar.height);
+    }
+  }
+
+  // Takes the range that was typed.
+  fix() {
+    const [low, high] = [byId("legend-low"), byId("legend-high")].map((input) => Number(input.value.replace(",", ".")) / this.scale[0]);
+    if (Number.isFinite(low) && low < high) this.range = [low, high];
+  }
+
+  // A value in words.
+  words(value) { return this.unit === "m" ? `${this.chosen} ${length(value)}` : `${this.chosen} ${shown(value)} ${this.unit}`; }
+
+  // The legend in words, for a picture.
+  get lines() {
+    if (!this.chosen) return [];
+    const [low, high] = this.limits, [factor, unit] = this.scale;
+    return [`${this.chosen}: ${shown(factor * low)} to ${shown(factor * high)} ${unit}`];
+  }
+}
+
+// Boxes that choose which groups of forces are drawn; at first all are, if `on`.
+class ForceBoxes {
+  constructor(box, on, changed) { Object.assign(this, { box, on, changed, labels: new Map(), count: 0 }); }
+
+  // Offers these groups {name, unit, colour, longest}, and no others.
+  offer(groups) {
+    for (const [name, label] of this.labels) {
+      if (groups.some((group) => group.name === name)) continue;
+      label.remove();
+      this.labels.delete(name);
+    }
+    for (const group of groups) {
+      if (!this.labels.has(group.name)) this.add(group);
+      this.labels.get(group.name).lastChild.data = ` ${group.name}, up to ${group.longest.toPrecision(2)} ${group.unit}`;
+    }
+    this.box.hidden = !groups.length;
+  }
+
+  add({ name, colour }) {
+    const label = document.createElement("label"), tick = document.createElement("input"), mark = document.createElement("b");
+    Object.assign(tick, { type: "checkbox", id: `arrow-${this.count++}`, checked: this.on });
+    tick.addEventListener("change", () => { tick.blur(); this.changed(); });
+    mark.textContent = "➜";
+    mark.style.color = `rgb(${colour.join()})`;
+    label.append(tick, mark, document.createTextNode(""));
+    this.box.append(label);
+    this.labels.set(name, label);
+  }
+
+  has(name) { return Boolean(this.labels.get(name)?.firstChild.checked); }
+}
