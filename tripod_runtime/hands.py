@@ -96,24 +96,30 @@ class Hands:
         return self._simulation.scene.dt
 
     def pull(
-        self, who: int, vertex: int, target: FloatArray, now: float, stiffness: float | None = None
+        self,
+        who: int,
+        vertex: int,
+        hold: FloatArray,
+        target: FloatArray,
+        now: float,
+        stiffness: float | None = None,
     ) -> None:
         """Pull at a vertex of the skin: `who` does, at `now` [s], and has to repeat it.
 
-        Where a hand takes hold it says at first, `target` [m] in world; later where that place is to go.
+        A hand takes hold at `hold` [m], in world at that moment, and wants that place at `target` [m].
 
         Raises SceneError: what is no vertex, place or stiffness, or more than `MOST` hands.
         """
         k = self.stiffness if stiffness is None else stiffness
         if not 0.0 < k <= STIFFEST:
             raise SceneError(f"a pull has a stiffness of {k:g} N/m; it must be above 0, at most {STIFFEST:g}")
-        place = _three("the target of a pull", target)
+        start, place = _three("where a pull takes hold", hold), _three("the target of a pull", target)
         with self._lock:
             hand = self._hands.get(who)
-            if hand is None or hand.vertex != vertex:
+            if hand is None or hand.vertex != vertex or (hand.hold != start).any():
                 if hand is None and len(self._hands) >= MOST:
                     raise SceneError(f"{MOST} hands pull already; let one go")
-                hand = self._hands[who] = _Hand(self._grip(vertex), vertex, k, place, place, now)
+                hand = self._hands[who] = _Hand(self._grip(vertex), vertex, k, start, place, now)
             hand.target, hand.until, hand.stiffness = place, now + PATIENCE, k
 
     def let_go(self, who: int) -> None:

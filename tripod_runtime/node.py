@@ -421,7 +421,8 @@ class SimNode(Node):
         hands, vector = self._physics.hands, np.array(request.vector)
         match request.do:
             case "pull":
-                hands.pull(request.who, request.vertex, vector, time.monotonic(), request.stiffness)
+                hold = np.array(request.hold)
+                hands.pull(request.who, request.vertex, hold, vector, time.monotonic(), request.stiffness)
             case "load":
                 hands.load(request.vertex, vector)
             case "let_go":

@@ -32,7 +32,8 @@ class Request:
         accuracy: Which accuracy to start again with.
         who: Whose hand pulls, or lets go.
         vertex: Of the skin, which is pulled or loaded.
-        vector: Where it is pulled to [m], or the load [N].
+        hold: Where a pull takes hold [m].
+        vector: Where that place is pulled to [m], or the load [N].
         stiffness: Of the pull [N/m]; None: the usual one.
         speed: Simulated time over wall time.
     """
@@ -43,6 +44,7 @@ class Request:
     accuracy: str = ""
     who: int = 0
     vertex: int = 0
+    hold: tuple[float, float, float] = (0.0, 0.0, 0.0)
     vector: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stiffness: float | None = None
     speed: float = 1.0
@@ -50,7 +52,8 @@ class Request:
 
 def request_of(text: str) -> Request:
     """Return the request that a message holds: JSON such as {"do": "reset"}, {"effect": "sleep", "on": true},
-    {"accuracy": "5%"}, {"pull": {"who": 1, "vertex": 17, "to": [0.01, 0, 0.02]}}, {"let_go": 1},
+    {"accuracy": "5%"}, {"pull": {"who": 1, "vertex": 17, "from": [0, 0, 0.02], "to": [0.01, 0, 0.02]}},
+    {"let_go": 1},
     {"load": {"vertex": 17, "force": [0, 0, -0.1]}}, {"speed": 0.5}. Raises SceneError."""
     if len(text) > LONGEST:
         raise SceneError(f"sim/request has {len(text)} characters; allowed: at most {LONGEST}")
@@ -84,12 +87,13 @@ def _by_hand(table: dict[str, Any]) -> Request | None:
             if not SLOWEST <= speed <= FASTEST:
                 raise SceneError(f"sim/request: speed is {speed:g}; allowed: {SLOWEST:g} to {FASTEST:g}")
             return Request("speed", speed=speed)
-        case {"pull": {"who": who, "vertex": vertex, "to": to, **more}}:
+        case {"pull": {"who": who, "vertex": vertex, "from": hold, "to": to, **more}}:
             stiffness = more.get("stiffness")
             return Request(
                 "pull",
                 who=_whole("who", who),
                 vertex=_whole("vertex", vertex),
+                hold=_vector("from", hold),
                 vector=_vector("to", to),
                 stiffness=None if stiffness is None else _number("stiffness", stiffness),
             )

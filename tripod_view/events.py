@@ -165,7 +165,7 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
 
     {"press": "STOP"}, {"servo": 1, "degrees": -30}, {"joint": 1, "value": 12.5}, {"slide": 35}, {"keys": [0, 1, -1]},
     {"sim": "reset"},
-    {"pull": {"who": 7, "vertex": 3, "to": [x, y, z], "stiffness": 50}}, {"let_go": 7}, {"speed": 0.5},
+    {"pull": {"who": 7, "vertex": 3, "from": [..], "to": [..], "stiffness": 50}}, {"let_go": 7}, {"speed": 0.5},
     {"load": {"vertex": 3, "force": [x, y, z]}}, in m and N,
     {"effect": "sleep", "on": true}, {"accuracy": "5%"}, {"replay": 12.5, "running": true}, {"replay": null}
     """
@@ -197,9 +197,9 @@ def _wish_of(table: Any) -> Wish | None:  # noqa: PLR0911 - one for each kind
     match table:
         case {"sim": str(word)} if word in WISHES:
             return Wish(json.dumps({"do": word}))
-        case {"pull": {"who": who, "vertex": vertex, "to": [x, y, z], "stiffness": k}}:
-            hand, to = _count("who", who), _three("to", x, y, z)
-            pull = {"who": hand, "vertex": _count("vertex", vertex), "to": to}
+        case {"pull": {"who": who, "vertex": vertex, "from": [a, b, c], "to": [x, y, z], "stiffness": k}}:
+            hand, hold, to = _count("who", who), _three("from", a, b, c), _three("to", x, y, z)
+            pull = {"who": hand, "vertex": _count("vertex", vertex), "from": hold, "to": to}
             more = {} if k is None else {"stiffness": _number("stiffness", k)}
             return Pull(json.dumps({"pull": pull | more}), hand)
         case {"let_go": who}:

@@ -47,7 +47,9 @@ class Panel:
         }
         self._channel.show("scene", scene)
         self._channel.show("accuracy", picture.accuracy)
-        fields = [{"name": f.name, "unit": f.unit, "signed": f.signed} for f in picture.fields]
+        fields = [
+            {"name": f.name, "label": f.label, "unit": f.unit, "signed": f.signed} for f in picture.fields
+        ]
         self._channel.show("fields", fields)
         self._channel.show("effects", list(picture.effects))
 

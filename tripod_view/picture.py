@@ -37,9 +37,10 @@ class Part:
 
 @dataclass(frozen=True)
 class FieldPicture:
-    """A field that the bodies have; `signed`: whether its values may have both signs."""
+    """A field that the bodies have; `label`: for people, `signed`: whether its values may have both signs."""
 
     name: str
+    label: str
     unit: str
     signed: bool
 
@@ -173,7 +174,8 @@ def _field(table: dict[str, Any]) -> FieldPicture:
     name = str(table["name"])
     if not re.fullmatch("[a-z_]{1,40}", name):
         raise PictureError(f"field {name!r:.60}: a name has at most 40 small letters and underscores")
-    return FieldPicture(name, str(table["unit"]), bool(table["signed"]))
+    label = str(table.get("label", name))[:60]
+    return FieldPicture(name, label, str(table["unit"]), bool(table["signed"]))
 
 
 def _radius(table: dict[str, Any]) -> float:

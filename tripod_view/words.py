@@ -230,7 +230,7 @@ def mode_line(authority: OperatorAuthority) -> Line:
         )
     if not tracker.source:
         return Line(Light.OFF, "Ready", "nobody commands yet")
-    by = "this page" if own else name_of(tracker.source)
+    by = "the page" if own else name_of(tracker.source)
     texts = {
         Mode.STOP: (Light.BAD, "all commands off: the robot holds, then moves to its park pose"),
         Mode.TELEOP: (Light.GOOD, "the sliders command" if own else "the keyboard commands"),

@@ -97,7 +97,7 @@ def test_a_session_with_hands_is_made_again_bit_for_bit(
         nodes, owners = hands._simulation.mesh.nodes, hands._simulation.owners
         third, last = int(np.argmax(owners == 3)), int(np.argmax(owners == len(nodes) - 1))
         if made % 10 in range(2, 8):
-            hands.pull(1, third, nodes[3] + 0.02 * rng.normal(size=3), time.monotonic())
+            hands.pull(1, third, nodes[3], nodes[3] + 0.02 * rng.normal(size=3), time.monotonic())
             pulled += 1
         elif made % 10 == 8:
             hands.let_go(1)

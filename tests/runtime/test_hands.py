@@ -41,11 +41,10 @@ def test_a_pull_brings_its_vertex_nearer_and_stays_bounded(kind: str, stiffness:
     vertex = loose(simulation)
     start = simulation.shown(simulation.positions)[vertex].copy()
     goal = start + np.array([0.03, 0.0, 0.02]) * size
-    hands.pull(1, vertex, start, 0.0, stiffness)
     steps = max(30, min(200, round(0.3 / simulation.scene.dt)))
     still, _ = made(*SCENES[kind])
     for _ in range(steps):
-        hands.pull(1, vertex, goal, 0.0, stiffness)
+        hands.pull(1, vertex, start, goal, 0.0, stiffness)
         stepped(simulation, hands, 0.0)
         still.step()
     there, without = (s.shown(s.positions)[vertex] for s in (simulation, still))
@@ -62,14 +61,15 @@ def test_a_pull_brings_its_vertex_nearer_and_stays_bounded(kind: str, stiffness:
 def test_no_force_where_a_hand_takes_hold() -> None:
     simulation, hands = made(*SCENES["tripod"])
     vertex = loose(simulation)
-    hands.pull(1, vertex, simulation.shown(simulation.positions)[vertex] + 1e-3, 0.0)
+    place = simulation.shown(simulation.positions)[vertex] + 1e-3
+    hands.pull(1, vertex, place, place, 0.0)
     assert all(np.abs(force).max() < 1e-12 for force in hands.forces(0.0).values())
 
 
 def test_a_hand_that_is_silent_lets_go_and_loads_stay() -> None:
     simulation, hands = made(*SCENES["tripod"])
     vertex, down = loose(simulation), np.array([0.0, 0.0, -0.1])
-    hands.pull(1, vertex, np.zeros(3), 0.0)
+    hands.pull(1, vertex, np.zeros(3), np.zeros(3), 0.0)
     hands.load(vertex, down)
     assert hands.forces(PATIENCE)
     total = sum(hands.forces(PATIENCE + 0.1).values())
@@ -77,7 +77,7 @@ def test_a_hand_that_is_silent_lets_go_and_loads_stay() -> None:
     assert "pull" not in hands.words()
     hands.load(vertex, np.zeros(3))
     assert hands.forces(0.0) == {}
-    hands.pull(1, vertex, np.zeros(3), 0.0)
+    hands.pull(1, vertex, np.zeros(3), np.zeros(3), 0.0)
     hands.let_go(1)
     hands.let_go(2)
     assert hands.forces(0.0) == {}
@@ -102,19 +102,21 @@ def test_what_is_no_hand_is_refused() -> None:
     simulation, hands = made(*SCENES["tripod"])
     count = len(simulation.owners)
     with raises_naming(SceneError, f"vertex {count}", count - 1):
-        hands.pull(1, count, np.zeros(3), 0.0)
+        hands.pull(1, count, np.zeros(3), np.zeros(3), 0.0)
     with raises_naming(SceneError, "vertex -1"):
         hands.load(-1, np.ones(3))
     for stiffness in (0.0, -1.0, np.nan, 1e9):
         with raises_naming(SceneError, "stiffness"):
-            hands.pull(1, 0, np.zeros(3), 0.0, stiffness)
+            hands.pull(1, 0, np.zeros(3), np.zeros(3), 0.0, stiffness)
     for target in (np.array([np.nan, 0, 0]), np.zeros(2), np.array([1e9, 0, 0])):
         with raises_naming(SceneError, "target"):
-            hands.pull(1, 0, target, 0.0)
+            hands.pull(1, 0, np.zeros(3), target, 0.0)
+        with raises_naming(SceneError, "takes hold"):
+            hands.pull(1, 0, target, np.zeros(3), 0.0)
     for who in range(MOST):
-        hands.pull(who, 0, np.zeros(3), 0.0)
+        hands.pull(who, 0, np.zeros(3), np.zeros(3), 0.0)
         hands.load(who, np.ones(3))
     with raises_naming(SceneError, MOST):
-        hands.pull(MOST, 0, np.zeros(3), 0.0)
+        hands.pull(MOST, 0, np.zeros(3), np.zeros(3), 0.0)
     with raises_naming(SceneError, MOST):
         hands.load(MOST, np.ones(3))

@@ -30,8 +30,8 @@ ROOT = Path(__file__).parents[2]
         ('{"let_go": 7}', Request("let_go", who=7)),
         ('{"load": {"vertex": 3, "force": [0, 0, -1]}}', Request("load", vertex=3, vector=(0.0, 0.0, -1.0))),
         (
-            '{"pull": {"who": 7, "vertex": 3, "to": [1, 2, 3], "stiffness": 50}}',
-            Request("pull", who=7, vertex=3, vector=(1.0, 2.0, 3.0), stiffness=50.0),
+            '{"pull": {"who": 7, "vertex": 3, "from": [0, 0, 1], "to": [1, 2, 3], "stiffness": 50}}',
+            Request("pull", who=7, vertex=3, hold=(0.0, 0.0, 1.0), vector=(1.0, 2.0, 3.0), stiffness=50.0),
         ),
     ],
 )
@@ -48,9 +48,9 @@ def test_requests_are_read(text: str, request_: Request) -> None:
         ('{"speed": 11}', ("speed", 11)),
         ('{"speed": NaN}', ("speed", "finite")),
         ('{"speed": true}', ("speed", "finite")),
-        ('{"pull": {"who": -1, "vertex": 3, "to": [1, 2, 3]}}', ("who", -1)),
-        ('{"pull": {"who": 1, "vertex": 0.5, "to": [1, 2, 3]}}', ("vertex", 0.5)),
-        ('{"pull": {"who": 1, "vertex": 3, "to": [1, 2]}}', ("to", "three")),
+        ('{"pull": {"who": -1, "vertex": 3, "from": [0, 0, 0], "to": [1, 2, 3]}}', ("who", -1)),
+        ('{"pull": {"who": 1, "vertex": 0.5, "from": [0, 0, 0], "to": [1, 2, 3]}}', ("vertex", 0.5)),
+        ('{"pull": {"who": 1, "vertex": 3, "from": [0, 0, 0], "to": [1, 2]}}', ("to", "three")),
         ('{"load": {"vertex": 3, "force": [1, 2, Infinity]}}', ("force", "finite")),
         ('{"load": 3}', ("do", "None")),
         ('{"do": "explode"}', ("do", "'explode'", "allowed: reset")),
@@ -154,9 +154,8 @@ def test_hands_pull_and_load_and_time_passes_slower_until_a_robot_comes(make) ->
     positions = physics.latest.positions.copy()
     vertex = int(abs(positions - [0.0, 0.0, 0.0025]).sum(axis=1).argmin())
     place = positions[vertex]
-    ear.ask(pull={"who": 1, "vertex": vertex, "to": place.tolist()})
     goal = [place[0], place[1], place[2] + 0.02]
-    pull = {"who": 1, "vertex": vertex, "to": goal}
+    pull = {"who": 1, "vertex": vertex, "from": place.tolist(), "to": goal}
     graph.wait(
         lambda: ear.ask(pull=pull) or physics.latest.positions[vertex, 2] > place[2] + 1e-3, "the pull"
     )

@@ -570,7 +570,8 @@ def test_a_body_is_pulled_and_loaded(stage: Stage, browser: Any) -> None:
         pulls = stage.wait(lambda: [a["pull"] for a in asked if "pull" in a][1:])
         first, last = next(a["pull"] for a in asked if "pull" in a), pulls[-1]
         assert (first["who"], first["vertex"]) == (last["who"], last["vertex"])
-        assert max(abs(a - b) for a, b in zip(first["to"], last["to"], strict=True)) > 1e-3
+        assert first["from"] == last["from"]
+        assert max(abs(a - b) for a, b in zip(last["from"], last["to"], strict=True)) > 1e-3
         page.mouse.up()
         stage.wait(lambda: {"let_go": first["who"]} in asked)
         assert place(opened, "x") == still, "the camera was not turned"

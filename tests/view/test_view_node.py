@@ -324,7 +324,7 @@ def test_stop_is_published_at_once(stage: Stage, browser: FakeBrowser) -> None:
     browser.press("STOP")
     stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
     assert len(stage.sim.commands) - before <= 10  # half a second, by the page's own 20 Hz
-    stage.wait(lambda: lines_naming(browser.text(), "STOP", "this page"))
+    stage.wait(lambda: lines_naming(browser.text(), "STOP", "the page"))
 
 
 def test_when_the_last_browser_leaves_in_control_the_robot_stops(stage: Stage) -> None:

@@ -43,7 +43,12 @@ def picture(simulation: Simulation) -> dict[str, Any]:
         "maze": _maze(simulation),
         "ball": {"radius": scene.ball.radius} if scene.ball else None,
         "fields": [
-            {"name": name, "unit": FIELDS[name].unit, "signed": FIELDS[name].signed}
+            {
+                "name": name,
+                "label": FIELDS[name].label,
+                "unit": FIELDS[name].unit,
+                "signed": FIELDS[name].signed,
+            }
             for name in simulation.field_names
         ],
         "note": "; ".join(filter(None, (note, not_drawn))),

@@ -23,7 +23,7 @@ class Colours {
     this.fields = fields;
     if ([...select.options].slice(1).map((one) => one.value).join() !== names.join()) {
       while (select.length > 1) select.remove(1);
-      for (const name of names) option(select, name, name);
+      for (const name of names) option(select, name, fields.get(name).label ?? name);
     }
     if (!fields.has(this.chosen)) this.choose("");
     select.value = this.chosen;
@@ -60,6 +60,8 @@ class Colours {
 
   get limits() { return Array.isArray(this.range) ? this.range : this.now; }
 
+  get label() { return this.fields.get(this.chosen)?.label ?? this.chosen; }
+
   get unit() { return this.fields.get(this.chosen)?.unit ?? ""; }
 
   // From values to what is written, and its unit.
@@ -69,7 +71,7 @@ class Colours {
 
   legend(low, high, map) {
     const [factor, unit] = this.scale;
-    byId("legend-title").textContent = unit ? `${this.chosen} [${unit}]` : this.chosen;
+    byId("legend-title").textContent = unit ? `${this.label} [${unit}]` : this.label;
     [byId("legend-low"), byId("legend-high")].forEach((input, i) => {
       const end = [low, high][i], noise = 1e-9 * (high - low);
       if (document.activeElement !== input) input.value = shown(Math.abs(end) > noise ? factor * end : 0);
@@ -89,13 +91,13 @@ class Colours {
   }
 
   // A value in words.
-  words(value) { return this.unit === "m" ? `${this.chosen} ${length(value)}` : `${this.chosen} ${shown(value)} ${this.unit}`; }
+  words(value) { return this.unit === "m" ? `${this.label} ${length(value)}` : `${this.label} ${shown(value)} ${this.unit}`; }
 
   // The legend in words, for a picture.
   get lines() {
     if (!this.chosen) return [];
     const [low, high] = this.limits, [factor, unit] = this.scale;
-    return [`${this.chosen}: ${shown(factor * low)} to ${shown(factor * high)} ${unit}`];
+    return [`${this.label}: ${shown(factor * low)} to ${shown(factor * high)} ${unit}`];
   }
 }
 
@@ -112,6 +114,7 @@ class ForceBoxes {
     }
     for (const group of groups) {
       if (!this.labels.has(group.name)) this.add(group);
+      this.labels.get(group.name).title = "the longest arrow of its kind; each kind has its own scale";
       this.labels.get(group.name).lastChild.data = ` ${group.name}, up to ${group.longest.toPrecision(2)} ${group.unit}`;
     }
     this.box.hidden = !groups.length;

@@ -21,19 +21,25 @@ export function hands(view) {
     if (document.activeElement !== speed && figures?.speed) speed.value = figures.speed;
     setText(told, figures?.hands ? `Acts now: ${figures.hands}` : "");
     unload.disabled = !figures?.hands?.includes("load");
+    setText(byId("hand-told"), figures?.hands ?? "");
+    if (unload.disabled) on?.load(null);
   });
   stiffness.addEventListener("change", () => { stiffness.dataset.own = "1"; });
   const on = view && puller(view, redraw, () => Number(stiffness.value) || null);
   if (on) addTools(byId("page-tools"), { pull: on.toggle }, { pull: "g" });
   const force = ["x", "y", "z"].map((axis) => element("input", { type: "number", step: "any", value: 0, "aria-label": `load along ${axis} (N)` }));
   const at = element("p", { class: "small", id: "load-at" }, "Click on the body to choose where.");
-  let vertex = null;
+  let chosen = null;
   on?.picked((found) => {
-    vertex = found.vertex;
+    chosen = found;
     setText(at, `At vertex ${found.vertex} of ${found.body}.`);
     load.disabled = false;
   });
-  const load = button("Place load", () => send({ load: { vertex, force: force.map((one) => Number(one.value) || 0) } }), "At the vertex that was clicked");
+  const load = button("Place load", () => {
+    const vector = force.map((one) => Number(one.value) || 0);
+    send({ load: { vertex: chosen.vertex, force: vector } });
+    on.load(chosen, vector);
+  }, "At the vertex that was clicked");
   const unload = button("Remove loads", () => send({ sim: "unload" }));
   load.id = "load";
   load.disabled = unload.disabled = true;
@@ -51,9 +57,9 @@ export function hands(view) {
 // Lets a mouse or a finger pull the body while that is switched on.
 function puller(view, redraw, stiffness) {
   const { canvas } = view, heard = [];
-  let pulls = false, held = null, timer = 0; // `held`: what was picked, where it was and is to go
+  let pulls = false, held = null, timer = 0, placed = 0; // `held`: what was picked, where it was and is to go
 
-  const say = () => send({ pull: { who: ME, vertex: held.vertex, to: held.to, stiffness: stiffness() } });
+  const say = () => send({ pull: { who: ME, vertex: held.vertex, from: held.start, to: held.to, stiffness: stiffness() } });
   const letGo = () => {
     if (!held) return;
     held = null;
@@ -63,9 +69,26 @@ function puller(view, redraw, stiffness) {
     send({ let_go: ME });
     redraw();
   };
+  const loads = new Map(); // that this page placed: vertex to {part, node, vector}
   const draw = () => {
     const from = held && view.vertex(held.part, held.node);
-    if (from) view.point("hand", from, held.to.map((v, a) => v - from[a]), [194, 24, 91], 1);
+    if (from) view.point("hand", from, held.to.map((v, a) => v - from[a]), [30, 30, 30], 1);
+    if (!loads.size) return;
+    const there = [...loads.values()].map(({ part, node, vector }) => [view.vertex(part, node), vector]).filter(([at]) => at);
+    const longest = Math.max(...there.map(([, vector]) => Math.hypot(...vector)));
+    view.point("loads", there.flatMap(([at]) => at), there.flatMap(([, vector]) => vector), [30, 30, 30], view.arrowScale(longest));
+  };
+  const load = (at, vector) => {
+    if (!at) {
+      if (!loads.size || performance.now() - placed < 2000) return; // one that was just placed is told a little later
+      loads.clear();
+      view.point("loads", [], [], [0, 0, 0], 1);
+      redraw();
+      return;
+    }
+    placed = performance.now();
+    if (Math.hypot(...vector) > 0) loads.set(at.vertex, { ...at, vector }); else loads.delete(at.vertex);
+    redraw();
   };
 
   // Where the pointer is in the plane through the held point that faces the eye.
@@ -112,5 +135,5 @@ function puller(view, redraw, stiffness) {
   addEventListener("keydown", (event) => {
     if (event.key === "g" && !event.ctrlKey && !event.altKey && !event.metaKey && !/^(INPUT|SELECT)$/.test(event.target.tagName)) toggle();
   });
-  return { toggle, picked: (tell) => heard.push(tell) };
+  return { toggle, load, picked: (tell) => heard.push(tell) };
 }

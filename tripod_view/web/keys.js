@@ -29,6 +29,7 @@ export function keys() {
     if (event.key === " " || event.key === "Escape") {
       release();
       send({ press: "STOP" });
+      if (event.key === "Escape") byId("sheet").close();
       event.preventDefault();
       event.stopPropagation();
       return;

@@ -17,8 +17,8 @@ export function tellPicked(view, plotNode) {
     if (!place) { show(null); return; }
     const rest = view.rest(hit.part, hit.node), moved = rest ? `; moved ${length(Math.hypot(...place.map((v, a) => v - rest[a])))}` : "";
     const fields = view.fieldsAt(hit.part, hit.node).map(([name, number]) => {
-      const unit = value("fields")?.find((field) => field.name === name)?.unit ?? "";
-      return `; ${name} ${Number.isFinite(number) ? `${Number(number.toPrecision(3))} ${unit}` : "has no value"}`;
+      const { label = name, unit = "" } = value("fields")?.find((field) => field.name === name) ?? {};
+      return `; ${label} ${Number.isFinite(number) ? `${Number(number.toPrecision(3))} ${unit}` : "has no value"}`;
     });
     told.textContent = `${hit.body}, node ${hit.node} at [${short(place)}] m${moved}${fields.join("")}`;
     copy.hidden = !rest;
