@@ -71,7 +71,8 @@ class Colours {
     const [factor, unit] = this.scale;
     byId("legend-title").textContent = unit ? `${this.chosen} [${unit}]` : this.chosen;
     [byId("legend-low"), byId("legend-high")].forEach((input, i) => {
-      if (document.activeElement !== input) input.value = shown(factor * [low, high][i]);
+      const end = [low, high][i], noise = 1e-9 * (high - low);
+      if (document.activeElement !== input) input.value = shown(Math.abs(end) > noise ? factor * end : 0);
     });
     pressed("legend-fixed", Boolean(this.range));
     const bar = byId("legend-bar"), pen = bar.getContext("2d");
