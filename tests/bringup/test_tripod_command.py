@@ -84,6 +84,7 @@ def test_run_passes_its_options_on(fake_run: FakeRun, tmp_path: Path) -> None:
         "slide": "0.035",
         "actuate": (),
         "forces": False,
+        "mesh_error": False,
         "overrides": ["material.young=3e5", "gravity=off"],
         "out": out,
         "recorded": None,
@@ -97,7 +98,14 @@ def test_run_passes_its_options_on(fake_run: FakeRun, tmp_path: Path) -> None:
 def test_run_without_options_leaves_all_to_the_scene(fake_run: FakeRun) -> None:
     tripod("run", "silicone")
     nothing = dict.fromkeys(("duration", "servo", "slide", "out", "recorded", "progress", "say", "study"))
-    assert fake_run.given == {**nothing, "actuate": (), "forces": False, "overrides": [], "noted": _tell_note}
+    assert fake_run.given == {
+        **nothing,
+        "actuate": (),
+        "forces": False,
+        "mesh_error": False,
+        "overrides": [],
+        "noted": _tell_note,
+    }
 
 
 def test_run_tells_what_is_odd_of_a_scene_that_cannot_begin() -> None:

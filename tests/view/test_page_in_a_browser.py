@@ -774,7 +774,7 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         assert page.locator("#legend").is_hidden()
         page.locator("#colour").select_option("von_mises")
         until(opened, lambda: stress.publish(field), f"{limits} === '100,5000'")
-        opened.text("#legend", "von_mises", "Pa", f"1 of {count}")
+        opened.text("#legend", "von Mises", "Pa", f"1 of {count}")
         page.locator("#legend-high").fill("4000")
         page.locator("#legend-high").press("Enter")
         opened.wait("document.querySelector('#legend-fixed').getAttribute('aria-pressed') === 'true'")
