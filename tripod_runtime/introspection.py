@@ -37,7 +37,7 @@ class Introspection:
         stability_margin: The last that somebody asked for (see `stability_margin`), and when [s]; None before.
         notice: What became of the newest request; empty: nothing to say.
         standing: Tells what else is to be said where that is empty.
-        hands: Tells what pulls at the bodies, and how fast time passes, as entries of the figures.
+        hands: Returns entries of the figures: what pulls at the bodies, and the speed.
     """
 
     def __init__(

@@ -34,7 +34,7 @@ from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import STALLED, MotionClock
 from tripod_graph.parameters import ParameterError, declare
 from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE
-from tripod_graph.range import Fence, RangeWatch, cut
+from tripod_graph.range import SILENT, Fence, RangeWatch, cut
 from tripod_graph.rate_check import short
 from tripod_graph.run import Companion, run_node
 from tripod_graph.timers import set_period
@@ -100,6 +100,7 @@ class SimNode(Node):
         self._follower, self._fence = self._new_follower(), Fence()
         self._refused = 0
         self._last_refusal = self._robot_port = ""
+        self._robot_at = -math.inf
         self._joint_topics = (
             names.SIM_JOINT_STATES,
             *([names.JOINT_STATES] if values["joint_states"] else []),
@@ -343,7 +344,8 @@ class SimNode(Node):
             self._follower.stop(self._moment(time.monotonic()))
 
     def _on_robot_status(self, message: RobotStatus) -> None:
-        self._robot_port = "" if message.port == "mock" else message.port
+        simulated = message.port == "mock" or message.state == RobotStatus.DISCONNECTED
+        self._robot_port, self._robot_at = "" if simulated else message.port, time.monotonic()
         if self._robot_port and self._physics.rate not in (1.0, math.inf):
             self._set_speed(1.0)
             self._introspection.say(f"real time again: the robot on {self._robot_port} moves along")
@@ -403,7 +405,7 @@ class SimNode(Node):
 
     def _set_speed(self, speed: float) -> None:
         """Run slower or faster than real time. Raises SceneError: a robot moves along, which cannot."""
-        if speed != 1.0 and self._robot_port:
+        if speed != 1.0 and self._robot_port and time.monotonic() - self._robot_at <= SILENT:
             raise SceneError(
                 f"the robot on {self._robot_port} moves in real time, so the simulation cannot run at {speed:g} times "
                 "that; stop its driver first"

@@ -193,7 +193,7 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
 
 
 def _wish_of(table: Any) -> Wish | None:  # noqa: PLR0911 - one for each kind
-    """Return what is asked of the simulator; None: it is something else. Raises EventError."""
+    """Return the request to the simulator in a message; None: there is none. Raises EventError."""
     match table:
         case {"sim": str(word)} if word in WISHES:
             return Wish(json.dumps({"do": word}))

@@ -174,14 +174,19 @@ def test_hands_pull_and_load_and_time_passes_slower_until_a_robot_comes(make) ->
     ear.ask(speed=0.5)
     graph.wait(lambda: physics.rate == 0.5 and ear.figures[-1]["speed"] == 0.5, "the speed")
     robot = graph.ear.create_publisher(RobotStatus, topics.ROBOT_STATUS, RELIABLE)
-    status = RobotStatus(port="/dev/ttyUSB0")
+    status = RobotStatus(port="/dev/ttyUSB0", state=RobotStatus.READY)
     graph.wait(lambda: robot.publish(status) or physics.rate == 1.0, "real time")
     ear.ask(speed=2.0)
     graph.wait(lambda: names(ear.notice(), "/dev/ttyUSB0", "real time"), "the refusal")
     assert physics.rate == 1.0
-    graph.wait(lambda: robot.publish(RobotStatus(port="mock")) or not graph.node._robot_port, "a mock robot")
-    ear.ask(speed=2.0)
-    graph.wait(lambda: physics.rate == 2.0, "the speed")
+    graph.wait(lambda: ear.ask(speed=2.0) or physics.rate == 2.0, "the speed, once the driver is silent")
+    for told in (
+        RobotStatus(port="mock", state=RobotStatus.READY),
+        RobotStatus(port="/dev/ttyUSB0", state=RobotStatus.DISCONNECTED),
+    ):
+        graph.node._robot_port = "unknown"
+        graph.wait(lambda told=told: robot.publish(told) or not graph.node._robot_port, "no robot that moves")
+        assert physics.rate == 2.0
 
 
 @pytest.mark.ros

@@ -658,7 +658,7 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
 
 
 def pick(opened: Opened) -> str:
-    """Click on the middle of the picture, a little off the target's handle, and return what is told of the node."""
+    """Click near the middle of the picture, beside the target's handle; return the text about the node."""
     left, top, right, bottom = stage_box(opened)
     opened.page.mouse.click(0.5 * (left + right) + 60, 0.5 * (top + bottom) + 12)
     opened.wait("document.querySelector('#picked').textContent")

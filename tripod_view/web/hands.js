@@ -16,14 +16,6 @@ export function hands(view) {
   for (const factor of SPEEDS) place(speed, [element("option", { value: factor }, `${factor} ×`)]);
   speed.value = 1;
   speed.addEventListener("change", () => { send({ speed: Number(speed.value) }); speed.blur(); });
-  listen("figures", (figures) => {
-    if (document.activeElement !== stiffness && figures?.stiffness && !stiffness.dataset.own) stiffness.value = figures.stiffness;
-    if (document.activeElement !== speed && figures?.speed) speed.value = figures.speed;
-    setText(told, figures?.hands ? `Acts now: ${figures.hands}` : "");
-    unload.disabled = !figures?.hands?.includes("load");
-    setText(byId("hand-told"), figures?.hands ?? "");
-    if (unload.disabled) on?.load(null);
-  });
   stiffness.addEventListener("change", () => { stiffness.dataset.own = "1"; });
   const on = view && puller(view, redraw, () => Number(stiffness.value) || null);
   if (on) addTools(byId("page-tools"), { pull: on.toggle }, { pull: "g" });
@@ -43,6 +35,14 @@ export function hands(view) {
   const unload = button("Remove loads", () => send({ sim: "unload" }));
   load.id = "load";
   load.disabled = unload.disabled = true;
+  listen("figures", (figures) => {
+    if (document.activeElement !== stiffness && figures?.stiffness && !stiffness.dataset.own) stiffness.value = figures.stiffness;
+    if (document.activeElement !== speed && figures?.speed) speed.value = figures.speed;
+    setText(told, figures?.hands ? `Acts now: ${figures.hands}` : "");
+    unload.disabled = !figures?.hands?.includes("load");
+    setText(byId("hand-told"), figures?.hands ?? "");
+    if (unload.disabled) on?.load(null);
+  });
   return section("hands", "Pull, load, speed", [
     element("p", { class: "small" }, "Press Pull over the picture, then drag a body."),
     place(element("div", { class: "row" }), [place(element("label", {}, "spring of the pull "), [stiffness, " N/m"])]),
