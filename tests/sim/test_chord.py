@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.integrators.turning import Rotations, TurningSolver
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.mesh_error.chord import Rotations, TurningSolver
 from tripod_sim.system import System
 
 W = -1.4965
@@ -54,7 +54,7 @@ def test_parts_of_a_body_that_turns_turn_with_it(element: str) -> None:
     state = simulation.state.copy()
     state.positions[:] = system.rest @ turn.T
     state.rotations[0] = turn
-    found = Rotations(mesh, system).at(state)
+    found = Rotations.of_own_mesh(system).at(state)
     assert found.shape == (system.unknowns // 3, 3, 3)
     np.testing.assert_allclose(found, np.broadcast_to(turn, found.shape), atol=1e-9)
 

@@ -74,7 +74,7 @@ class ImplicitSteps(Integrator):
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
-        self.newton.forget()
+        self._stage.forget()
         self.drop_history()
 
     def restarts(self) -> bool:

@@ -77,6 +77,7 @@ class Newton(Descent):
         bound: Inequality that solves keep within; None without one.
         indefinite: Whether the tangent factored last had to be changed to be positive definite.
         serves: Whether the factorisation of the last solve is kept for the next.
+        foresees: Whether a solve may begin where nodes are foreseen, `foreseen` [m], shape (n, 3); None: not known.
         spent: Linear solves so far, those of solves that failed among them.
         phi: See `Descent`; the point and the trial point are states.
     """
@@ -89,6 +90,9 @@ class Newton(Descent):
     _size: float
     _before: float
     """Residual at the point, and a step earlier, 0 if there was none [N]."""
+
+    foresees = False
+    foreseen: FloatArray | None = None
 
     FEW = 3
     """A factorisation that needed at most so many linear solves is kept for the next solve: one more chord step costs a
@@ -195,6 +199,7 @@ class Newton(Descent):
         self._begin(keep)
         if driven:
             self._drive()
+        self._start()
         try:
             minimise(self)
         except NewtonError as error:
@@ -212,6 +217,9 @@ class Newton(Descent):
 
     def _begin(self, length: float | None) -> None:
         """Begin to solve a step of `length` [s]."""
+
+    def _start(self) -> None:
+        """Choose where to begin, driven nodes being where they are to be."""
 
     @property
     def _renews_always(self) -> bool:
@@ -347,13 +355,13 @@ class Newton(Descent):
 
     def _proposed(self) -> FloatArray:
         """Return the step to make, with its sign turned, shape (unknowns,): an array of the caller's own."""
-        return self._solve()
+        return self._solve(self.system.residual)
 
-    def _solve(self) -> FloatArray:
-        """Return A^-1 residual, or raise NewtonError where the linear solver gives up."""
+    def _solve(self, b: FloatArray) -> FloatArray:
+        """Return A^-1 b, or raise NewtonError where the linear solver gives up."""
         linear = self.system.linear
         try:
-            solution = linear.solve(self.system.residual)
+            solution = linear.solve(b)
             self._linear_spent += linear.iterations
             return solution
         except LinearError as error:

@@ -93,7 +93,7 @@ class OneSolve(Newton):
 
     def _correct(self) -> FloatArray:
         """Return the correction m of the state that was evaluated last, kept with how far it moves nodes [m]."""
-        correction = self._correction = self._solve()
+        correction = self._correction = self._solve(self.system.residual)
         self.system.reduction.moves(correction, self.system.lever, self._missed)
         self._far = largest(self._missed)
         return correction
@@ -103,7 +103,7 @@ class OneSolve(Newton):
         if self._correction is not None:
             correction, self._correction = self._correction, None
             return correction
-        solution = self._solve()
+        solution = self._solve(self.system.residual)
         if self._forecast is not None:
             solution += self._forecast
         return solution

@@ -37,6 +37,12 @@ class ImplicitStage:
         n, remembers = len(mass), newton.system.remembers
         self.known = np.zeros((2 - (-remembers // (3 * n)), n, 3))
         self._strains = slice(6 * n, 6 * n + remembers)
+        self._acceleration: FloatArray | None = None  # at the end of the last stage [m/s²]
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier stages, so that the next one depends on its state alone."""
+        self.newton.forget()
+        self._acceleration = None
 
     def read(self, state: State, out: FloatArray) -> None:
         """Write x, v and e of `state` to `out`, as `known`."""
@@ -55,9 +61,15 @@ class ImplicitStage:
             NewtonError: no solution; `state` is then in between.
         """
         self.aim(stage)
+        z, u = self.known[:2]
+        force = stage.square / stage.s
+        if self.newton.foresees and self._acceleration is not None:
+            self.newton.foreseen = z + stage.s * (u + force * self._acceleration)
         report = self.newton.solve(state, joints, keep=stage.key)
-        np.subtract(state.positions, self.known[0], out=state.velocities)
+        np.subtract(state.positions, z, out=state.velocities)
         state.velocities /= stage.s
+        if self.newton.foresees:
+            self._acceleration = (state.velocities - u) / force
         return report
 
     def renew(self, state: State, stage: Stage) -> None:

@@ -40,6 +40,7 @@ class Symbolic(NamedTuple):
         first_entry: Where the entries of a front begin in `source`, shape (f + 1,).
         stack: Size of the scratch that holds remainders not yet added.
         largest: Rows of the largest front.
+        operations: Multiplications and additions of a factorisation.
     """
 
     order: IndexArray
@@ -54,6 +55,7 @@ class Symbolic(NamedTuple):
     first_entry: IndexArray
     stack: int
     largest: int
+    operations: float
 
 
 def analyse(pattern: sparse.csc_matrix) -> Symbolic:
@@ -117,9 +119,11 @@ def _analysed(pattern: sparse.csc_matrix) -> Symbolic:
         stack = max(stack, depth)
         if above[s] >= 0:
             held[above[s]] += remainders[s]
+    height, width = sizes.astype(float), np.diff(pivots).astype(float)
+    operations = float((width * height**2 - width**2 * height + width**3 / 3).sum())
     return Symbolic(
         order, pivots, np.concatenate(lists), first_row, panel, above, place, target, source, first_entry, int(stack),
-        int(sizes.max()),
+        int(sizes.max()), operations,
     )  # fmt: skip
 
 

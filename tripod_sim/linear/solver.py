@@ -21,9 +21,10 @@ class LinearSolver(ABC):
     Attributes:
         iterates: Whether it solves by iteration: each solution costs as much as the first.
         iterations: Of the last solution; 0 of direct solvers.
+        solves_a_factor: How many solutions take about as long as `factor`; 0 where that is not known.
     """
 
-    iterates, iterations = False, 0
+    iterates, iterations, solves_a_factor = False, 0, 0.0
 
     @abstractmethod
     def factor(self) -> bool:

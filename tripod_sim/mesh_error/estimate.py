@@ -35,9 +35,10 @@ from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import quasi_static_steps
 from tripod_sim.integrators.report import MeshErrorReport
+from tripod_sim.integrators.turning import Rotations, TurningSolver
 from tripod_sim.mesh.described import element_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
+from tripod_sim.mesh_error.chord import ChordNewton
 from tripod_sim.mesh_error.external_loads import ExternalLoads, alone, interpolate, interpolation
 from tripod_sim.mesh_error.modal_error import ModalError
 from tripod_sim.model import Model
@@ -103,12 +104,13 @@ class MeshError:
         self._outside = ExternalLoads(model, mesh, parts, simulated)
         system = self._system = self._outside.supported(parts.system, model)
         system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
-        self._rotations = Rotations(mesh, system)
         self._newton = ChordNewton(system, solver.tolerance, solver.max_iterations)
         self._careful = quasi_static_steps(self._newton, solver.max_halvings, solver.max_turn, model.reach)
         self._moves = bool(model.scheme)
         self._share = share
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
+        around = self._nodes[system.reduction.free]
+        self._rotations = Rotations(mesh.nodes, [(mesh.elements, mesh.kind)], around, system)
         self._rest, self._simulated = mesh.nodes, simulated
         self._modal_error = self._error_in_motion(model, parts)
         self._own: State | None = None

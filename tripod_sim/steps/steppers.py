@@ -61,10 +61,21 @@ def _newton(draft: Draft, system: System) -> Newton:
     if one_solve and not model.joints:  # where nothing holds a body errors of the momentum would add up
         one_solve = not free_motion([*system.reduction.blocks, *groups.rigid], system.rest, groups.held())
     if not one_solve:
-        return Newton(system, solver.tolerance, solver.max_iterations)
+        return _solver_by_size(model, system)
     from tripod_sim.integrators.one_solve import OneSolve
 
     return OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
+
+
+def _solver_by_size(model: Model, system: System) -> Newton:
+    """Return what solves to the tolerance: with a factorisation that serves many steps where these are expensive."""
+    solver, elastic = model.solver, system.elastic
+    if model.scheme and not (model.carried or model.only_springs or elastic.has_modes):
+        from tripod_sim.integrators.quasi_newton import MANY, QuasiNewton
+
+        if system.unknowns >= MANY:
+            return QuasiNewton(system, solver.tolerance, solver.max_iterations)
+    return Newton(system, solver.tolerance, solver.max_iterations)
 
 
 def _spring_loop(draft: Draft, system: System) -> "SpringLoop | None":
