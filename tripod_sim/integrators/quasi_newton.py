@@ -10,8 +10,6 @@
 
 import math
 
-import numpy as np
-
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.turning import Rotations, TurningSolver

@@ -14,7 +14,7 @@ LinearFactory = Callable[[Pattern, IndexArray], LinearSolver]
 SMALL = 1_000_000
 """Entries of L (8 MB) up to which `ldl` is the fastest; above, CHOLMOD's dense kernels are, up to twice."""
 
-LARGE = 20_000_000
+LARGE = 150_000_000
 """Entries of L (160 MB) above which `auto` iterates: a cube of 20,000 unknowns. There one factorisation takes as long
 as four solutions by conjugate gradients, which is what a renewed Hessian needs. Not the unknowns but the factor
 decides: thin bodies of as many unknowns have a factor ten times smaller and take ten times the iterations."""

@@ -13,7 +13,6 @@ from tripod_sim.linear import ldl_kernels as kernels
 from tripod_sim.linear.ldl_symbolic import analyse
 from tripod_sim.linear.solver import LinearSolver, Pattern
 
-
 OPERATIONS = 23
 """Of a factorisation, in the time in which a solution reads a number of L: 23e9 and 1e9 in a second, one thread."""
 
