@@ -1,4 +1,4 @@
-"""Newton's method for large meshes, whose factorisations take as long as many evaluations: one serves for many steps.
+"""Newton's method with a factorisation that serves many steps, since it takes as long as many evaluations.
 
 - It turns with the body (see `turning`).
 - The limited-memory BFGS method improves it by what the last steps of a solve found [LiuEtAl2017],
@@ -15,9 +15,6 @@ from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.turning import Rotations, TurningSolver
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-MANY = 1500
-"""Unknowns from which it is faster than `Newton` where bodies turn fast, by `benchmarks/large.py`."""
 
 PAIRS = 12
 """Steps of a solve that are remembered."""

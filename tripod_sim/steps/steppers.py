@@ -61,21 +61,24 @@ def _newton(draft: Draft, system: System) -> Newton:
     if one_solve and not model.joints:  # where nothing holds a body errors of the momentum would add up
         one_solve = not free_motion([*system.reduction.blocks, *groups.rigid], system.rest, groups.held())
     if not one_solve:
-        return _solver_by_size(model, system)
+        return _solver_to_tolerance(model, system)
     from tripod_sim.integrators.one_solve import OneSolve
 
     return OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
 
 
-def _solver_by_size(model: Model, system: System) -> Newton:
-    """Return what solves to the tolerance: with a factorisation that serves many steps where these are expensive."""
-    solver, elastic = model.solver, system.elastic
-    if model.scheme and not (model.carried or model.only_springs or elastic.has_modes):
-        from tripod_sim.integrators.quasi_newton import MANY, QuasiNewton
+def _solver_to_tolerance(model: Model, system: System) -> Newton:
+    """Return what goes to the tolerance: with a factorisation that serves many steps where the body is solid.
 
-        if system.unknowns >= MANY:
-            return QuasiNewton(system, solver.tolerance, solver.max_iterations)
-    return Newton(system, solver.tolerance, solver.max_iterations)
+    Errors that are carried need that of the end of each step, and modes are condensed with that of the last assembly.
+    """
+    solver, elastic = model.solver, system.elastic
+    solid = any(term.solid for term in elastic.terms) and not elastic.has_modes
+    if not (model.scheme and solid) or model.carried:
+        return Newton(system, solver.tolerance, solver.max_iterations)
+    from tripod_sim.integrators.quasi_newton import QuasiNewton
+
+    return QuasiNewton(system, solver.tolerance, solver.max_iterations)
 
 
 def _spring_loop(draft: Draft, system: System) -> "SpringLoop | None":
