@@ -21,6 +21,7 @@ from tests import messages
 from tests.view.test_player import EVENT, coloured
 from tripod_view.player.film import Arrows, Film
 from tripod_view.player.html import write_html
+from tripod_view.player.packing import stage
 
 CHROMIUM = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), "")
 FLAGS = (
@@ -227,6 +228,10 @@ def test_mesh_path_and_forces_are_switched_on_and_off(player: Player) -> None:
     assert player.changes(page.locator("#arrow-0").check)
     player.wait("document.querySelector('#arrows').textContent.includes('2.5')")
     messages.assert_names(page.locator("#arrows label").inner_text(), "load", "2.5 N")
+    drawn = re.search(r"([\d.]+) mm = ([\d.]+) N", page.locator("#arrows label").inner_text())
+    assert drawn
+    longest = 0.4 * stage(shown_film())["camera"]["radius"]  # [m]
+    assert float(drawn[1]) / float(drawn[2]) == pytest.approx(1e3 * longest / 2.5, rel=0.05)
     page.locator("#arrow-0").uncheck()
 
 
@@ -263,6 +268,48 @@ def test_the_surface_is_coloured_in_a_range_that_one_fixes(player: Player) -> No
     player.wait("Math.abs(Number(document.querySelector('#legend-high').value) - 70) < 1")
     page.locator("#colour").select_option("")
     assert not page.locator("#legend").is_visible()
+
+
+def test_the_largest_value_is_told_marked_and_looked_at(player: Player) -> None:
+    page = player.page
+    page.locator("#colour").select_option("heat")
+    text = page.locator("#legend-largest")
+    player.wait("!document.querySelector('#legend-largest').hidden")
+    assert re.fullmatch(r"largest (69\.\d|70) K", text.inner_text())
+    page.keyboard.press("End")
+    player.clock("1.50")
+    player.wait("document.querySelector('#legend-largest').textContent.includes(' 3')")
+
+    def ring() -> np.ndarray:
+        """Return the middle of what the ring changes in the picture [px]."""
+        with_it = player.pixels()
+        page.evaluate("""() => {
+            View.prototype.placeRing = function () { this.ring.visible = false; };
+            dispatchEvent(new Event("resize"));
+        }""")
+        changed = np.argwhere((np.abs(player.pixels() - with_it) > 0.05).any(axis=2))
+        page.evaluate("""() => {
+            View.prototype.placeRing = window.ringPlaced;
+            dispatchEvent(new Event("resize"));
+        }""")
+        assert 40 < len(changed) < 600
+        assert np.ptp(changed, axis=0).max() < 30
+        return changed.mean(axis=0)
+
+    page.evaluate("() => { window.ringPlaced = View.prototype.placeRing }")
+    before = ring()
+    text.click()
+    box = page.locator("#picture").bounding_box()
+    middle = np.array([0.5 * box["height"] - 110, 0.5 * box["width"]])
+    assert np.abs(ring() - middle).max() < 4
+    assert np.abs(before - middle).max() > 40
+    page.locator("#colour").select_option("")
+    plain = player.pixels()
+    page.evaluate("""() => {
+        View.prototype.placeRing = function () { this.ring.visible = false; };
+        dispatchEvent(new Event("resize"));
+    }""")
+    assert same(player.pixels(), plain), "nothing is marked without a colour"
 
 
 def test_how_far_nodes_moved_is_a_colour(player: Player) -> None:

@@ -380,7 +380,8 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     if "energies" in arrays:
         joules = arrays["energies"][steps]
         unit, scale = ("J", 1.0) if np.abs(joules).max() >= 1 else ("mJ", 1e3)
-        found.append(Curve("energies", unit, ("kinetic", "strain", "gravity"), scale * joules))
+        values = np.column_stack([joules.sum(axis=1), joules])
+        found.append(Curve("energies", unit, ("total", "kinetic", "strain", "gravity"), scale * values))
     return found
 
 

@@ -33,7 +33,7 @@ class FilmColours extends Colours {
     for (const [b, f] of field.of) {
       if (f < 0) this.film.displacement(b, moment, this.values[b]); else this.film.values(b, f, moment, this.values[b]);
     }
-    this.paint(field.of.map(([b]) => [this.view.bodies[b], this.values[b]]));
+    this.paint(field.of.map(([b]) => [this.view.bodies[b], this.values[b], b]));
   }
 
   // The value at a node of a body, in words; empty where there is none.
@@ -85,7 +85,7 @@ async function main() {
   const main = ["ball", "effector", "maze", ...movers.keys()].find((name) => movers.has(name)); // whose path is drawn
   byId("follow").value = followed;
   byId("follow").addEventListener("change", (e) => { followed = e.target.value; redraw(); });
-  const boxes = new ForceBoxes(byId("arrows"), false, redraw);
+  const boxes = new ForceBoxes(byId("arrows"), false, view, redraw);
   const then = (act) => () => { act(); redraw(); };
   const all = (actions) => Object.fromEntries(Object.entries(actions).map(([name, act]) => [name, then(act)]));
   const cameras = all(cameraActions(view)), more = all({

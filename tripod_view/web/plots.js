@@ -1,4 +1,4 @@
-// Plots of the last minute of all that the page knows; numbers are kept only while the card is open.
+// Plots of the last minute, simulated, of all that the page knows; numbers are kept only while the card is open.
 
 import { listen, value } from "./channel.js";
 import { section } from "./dom.js";
@@ -8,6 +8,8 @@ const PERIOD = 50, REDRAWN = 100; // [ms]
 const PLACES = { "/effector": "effector", "/ball": "ball", "/target": "target" };
 const AXES = ["x", "y", "z"];
 const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", work: "work of the servos", lost: "lost" };
+
+const PARTS = ["kinetic", "strain", "gravity"]; // of the total energy
 
 const unitOf = (field) => value("fields")?.find(({ name }) => name === field)?.unit ?? "";
 
@@ -33,7 +35,9 @@ function quantities(view) {
     const place = view?.placeOf(path);
     if (place) AXES.forEach((axis, a) => add(name, axis, "mm", place[a], 1e3));
   }
-  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", figures?.energy?.[key], 1e3);
+  const energy = figures?.energy ?? {}, total = PARTS.reduce((sum, part) => sum + (energy[part] ?? NaN), 0);
+  add("energies", "total", "mJ", total, 1e3);
+  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", energy[key], 1e3);
   add("real-time factor", "simulated / real time", "", run?.factor);
   add("time of a step", "median", "ms", run?.step, 1e3);
   add("time of a step", "p99", "ms", run?.p99, 1e3);
@@ -57,11 +61,11 @@ function quantities(view) {
   return found;
 }
 
-// Numbers by series and time, as `plot.js` takes them.
+// Numbers by series and simulated time, as `plot.js` takes them.
 class Minute {
   constructor() {
     Object.assign(this, { times: [], columns: new Map() });
-    this.clock = this.column("simulated time", "s");
+    this.clock = this.column("time of the page", "s");
   }
 
   get lists() { return [this.times, this.clock.values, ...[...this.columns.values()].map(({ values }) => values)]; }
@@ -82,8 +86,11 @@ class Minute {
     return { name, unit, values, at: (i) => values[i] };
   }
 
+  // Adds the numbers at a time, unless that is there; after a reset, with which time goes back, the curves start again.
   // `found`: as `quantities` returns it; `made`: called with each quantity that is new.
   add(time, clock, found, made) {
+    if (time < this.end) this.empty();
+    if (this.length && time === this.end) return;
     for (const [title, name, unit, number] of found) {
       const key = `${title}: ${name}`;
       if (this.columns.has(key) || !Number.isFinite(number)) continue;
@@ -124,8 +131,9 @@ export function plots(view) {
 
   function sample() {
     if (!value("scene") || document.body.classList.contains("past")) return;
-    const now = performance.now(), before = all.series.size;
-    minute.add(now / 1e3, value("run")?.time ?? NaN, quantities(view), (...quantity) => all.offer(...quantity));
+    const now = performance.now(), before = all.series.size, time = Number.isFinite(view?.time) ? view.time : value("run")?.time;
+    if (!Number.isFinite(time)) return;
+    minute.add(time, now / 1e3, quantities(view), (...quantity) => all.offer(...quantity));
     wanted = wanted.filter((title) => !show(title));
     if (all.series.size !== before) all.refresh();
     if (now - drawn < REDRAWN) return;

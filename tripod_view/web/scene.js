@@ -20,6 +20,7 @@ class LiveView extends View {
     this.all = new Map();
     this.lined = true;
     this.followed = "";
+    this.time = NaN; // simulated time of the bodies [s]
     this.way = null; // numbers of the path, if it is drawn
     this.forces = false; // whether they are drawn
     this.recolour = false; // whether there are other values than those that were painted
@@ -71,6 +72,7 @@ class LiveView extends View {
       if (rest.colour) for (const material of [node.material, node.faint]) if (material) material.color = colour(rest.colour);
       if ("turns" in rest) this.letTurn(node);
     }
+    if ("time" in head) this.time = head.time;
     if (head.camera) this.aim(head.camera, again);
   }
 
@@ -168,7 +170,7 @@ class LiveView extends View {
         node.coat = { mesh: node.body, geometry: node.geometry, plain: node.material };
         node.made.push({ dispose: () => node.coat.painted?.dispose() });
       }
-      found.push([node.coat, values]);
+      found.push([node.coat, values, node.number]);
     }
     return found;
   }
@@ -394,11 +396,13 @@ class LiveView extends View {
 // By the fields of the simulation.
 class LiveColours extends Colours {
   update() {
-    if (!this.chosen || !this.view.recolour) return;
+    if (!this.chosen) return;
+    if (!this.view.recolour) { this.mark(); return; }
     this.view.recolour = false;
     const parts = this.view.valued(this.chosen);
     if (parts.length) { this.paint(parts); return; }
     this.view.uncover();
+    this.find([]);
     this.view.recolour = false;
     byId("legend-title").textContent = this.chosen;
     this.note((value("replay")?.age ?? null) === null ? "waiting for values" : "the replay does not have it");
@@ -419,7 +423,7 @@ export function scene() {
   }
 
   let colours = null;
-  const boxes = new ForceBoxes(byId("arrows"), true, redraw);
+  const boxes = new ForceBoxes(byId("arrows"), true, view, redraw);
   view.wants = (name) => boxes.has(name);
   // Says what this page shows: the simulator computes nothing else, and nothing for a page that is hidden.
   const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && view.forces });
