@@ -707,10 +707,29 @@ def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: St
         with page.expect_download() as download:
             page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
         assert download.value.suggested_filename == "effector_ z.csv"
-        head, *rows = Path(download.value.path()).read_text().splitlines()
-        assert next(csv.reader([head])) == ["time [s]", "simulated time [s]", "z [mm]", "x [mm]"]
-        times = np.array([row.split(",")[0] for row in rows], float)
+        page.locator("#more").select_option(label="energies: total")
+        parts = [stage.sim.figures["energy"][part] for part in ("kinetic", "strain", "gravity")]
+        opened.text(".plot:last-of-type .legend", "total", f"{1e3 * sum(parts):.4g}")
+        before = time.monotonic()
+        stage.sim.began, stage.sim.speed = before, 10.0  # a reset, then faster than real time
+
+        def columns() -> np.ndarray:
+            """Return simulated times and those of the page [s] of the numbers in the plot, shape (2, k)."""
+            page.wait_for_timeout(2500)  # the browser refuses many downloads one after the other
+            with page.expect_download() as download:
+                page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
+            head, *rows = Path(download.value.path()).read_text().splitlines()
+            assert next(csv.reader([head])) == ["time [s]", "time of the page [s]", "z [mm]", "x [mm]"]
+            return np.array([row.split(",")[:2] for row in rows], float).T
+
+        def restarted() -> tuple[np.ndarray, np.ndarray] | None:
+            times, pages = columns()
+            return (times, pages) if times[0] < 0.5 * before and np.ptp(pages) > 2 else None
+
+        times, pages = stage.wait(restarted)
         assert (np.diff(times) > 0).all()
+        assert np.ptp(times) / np.ptp(pages) == pytest.approx(10, rel=0.4)  # a few pictures a second
+        stage.sim.began, stage.sim.speed = 0.0, 1.0
         with page.expect_download() as download:
             page.locator("[aria-label='save the plot: effector: z']").dispatch_event("click")
         assert Path(download.value.path()).read_bytes()[:4] == b"\x89PNG"
@@ -775,6 +794,10 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         page.locator("#colour").select_option("von_mises")
         until(opened, lambda: stress.publish(field), f"{limits} === '100,5000'")
         opened.text("#legend", "von Mises", "Pa", f"1 of {count}")
+        opened.text("#legend-largest", "largest", "5 kPa")
+        before = place(opened, "x")
+        page.locator("#legend-largest").click()
+        stage.wait(lambda: place(opened, "x") != before)
         page.locator("#legend-high").fill("4000")
         page.locator("#legend-high").press("Enter")
         opened.wait("document.querySelector('#legend-fixed').getAttribute('aria-pressed') === 'true'")
@@ -787,6 +810,7 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         opened.press("Forces")
         until(opened, lambda: forces.publish(load), "document.querySelector('#arrows input')")
         opened.text("#arrows", "load", "2.5 N")
+        assert re.search(r"\d m?m = [\d.]+ N", page.locator("#arrows").inner_text())
         assert page.locator("#arrows input").is_checked()
         page.locator("#arrows input").uncheck()
         opened.press("Forces")
