@@ -133,7 +133,7 @@ class SimNode(Node):
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
         self._lag = self._watch_speed(values)
-        self._introspection.standing = lambda: self._hot_swap.words or self._lag.advice(self._physics.speed())
+        self._introspection.standing = lambda: self._hot_swap.words or self._lag.hint(self._physics.speed())
         self._introspection.hands = self._hands_told
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
