@@ -335,7 +335,7 @@ def drive(opened: Opened, stage: Stage) -> None:
     for key, mode in (("t", ControlMode.TELEOP), ("i", ControlMode.IK)):
         page.keyboard.press(key)
         stage.wait(lambda wanted=mode: stage.mode()[0] == wanted)
-    for label in ("Working pose", "Park"):
+    for label in ("Working pose", "Park pose"):
         opened.press("Bring target to effector", label)
         opened.text("#notice", label)
     page.locator("#stop").dispatch_event("click")
@@ -359,8 +359,8 @@ def drive_others(opened: Opened, stage: Stage) -> None:
             return len(values) == limits.size and abs(values[i] - joint.high) < 0.02 * joint.span
 
         stage.wait(is_asked, lambda name=joint.name: f"{name} was not commanded")
-    opened.press("Park")
-    opened.text("#notice", "Park")
+    opened.press("Park pose")
+    opened.text("#notice", "Park pose")
     opened.page.keyboard.press(" ")
     stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
 
@@ -399,6 +399,47 @@ def test_notes_on_the_scene_stay_beside_what_is_told(stage: Stage, browser: Any)
         opened.text("#notice", "machine too slow")
         opened.text("#notes", "time_error.accuracy = 0.05", "not promised")
         opened.wait("!document.querySelector('#notes').textContent.includes('pressure')")
+        assert opened.errors == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_messages_shift_nothing(stage: Stage, browser: Any, size: str) -> None:
+    show(stage.sim, "maze")
+    tops = "[...document.querySelectorAll('#panel .card')].map((card) => card.offsetTop).join()"
+    with Opened(browser, stage, size) as opened:
+        opened.text("#panel h1", "maze")
+        opened.wait("document.querySelector('#mode').textContent")
+        opened.press("Drive by sliders and keys")
+        stage.wait(lambda: stage.mode() and stage.mode()[0] == ControlMode.TELEOP)
+        opened.text("#mode", "sliders")
+        opened.wait("document.querySelector('#run').textContent")
+        before = opened.page.evaluate(tops)
+        long = "slower than real time: " + 20 * "lower the speed, "
+        show(stage.sim, "maze", event="goal reached at 3.20 s", notice=long, notes=(long, long))
+        opened.text("#event.good", "3.20 s")
+        opened.text("#notice", "lower")
+        opened.page.keyboard.press("Escape")
+        stage.wait(lambda: stage.mode() and stage.mode()[0] == ControlMode.STOP)
+        opened.text("#mode", "off", "holds")
+        assert opened.page.evaluate(tops) == before
+        assert opened.errors == []
+
+
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (1000, 700), (420, 800)])
+def test_the_start_card_covers_no_legend(stage: Stage, browser: Any, width: int, height: int) -> None:
+    show(stage.sim, "silicone")
+    with Opened(browser, stage, "screen") as opened:
+        opened.page.set_viewport_size({"width": width, "height": height})
+        opened.wait("document.querySelector('#colour option[value=von_mises]')")
+        opened.page.locator("#colour").select_option("von_mises")
+        opened.wait("!document.querySelector('#legend').hidden")
+        apart = """(aside) => {
+            const start = document.querySelector("#start"), legend = document.querySelector("#legend").getBoundingClientRect();
+            start.classList.toggle("aside", aside);
+            const { left, top, right, bottom } = start.getBoundingClientRect();
+            return right <= legend.left || left >= legend.right || bottom <= legend.top || top >= legend.bottom;
+        }"""
+        assert [opened.page.evaluate(apart, aside) for aside in (False, True)] == [True, True]
         assert opened.errors == []
 
 
