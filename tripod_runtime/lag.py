@@ -43,7 +43,12 @@ BUSY = f"the machine is busy: {WHAT_TO_DO}"
 
 
 class Proposal(NamedTuple):
-    """A cheaper setting: which in `words`, or why there is none, and the `option` of `--accuracy` that takes it, or ""."""
+    """A cheaper setting in words, or why there is none.
+
+    Attributes:
+        words: For people.
+        option: Value of `--accuracy` that takes it; empty: none.
+    """
 
     words: str
     option: str = ""

@@ -434,7 +434,8 @@ def test_the_start_card_covers_no_legend(stage: Stage, browser: Any, width: int,
         opened.page.locator("#colour").select_option("von_mises")
         opened.wait("!document.querySelector('#legend').hidden")
         apart = """(aside) => {
-            const start = document.querySelector("#start"), legend = document.querySelector("#legend").getBoundingClientRect();
+            const start = document.querySelector("#start");
+            const legend = document.querySelector("#legend").getBoundingClientRect();
             start.classList.toggle("aside", aside);
             const { left, top, right, bottom } = start.getBoundingClientRect();
             return right <= legend.left || left >= legend.right || bottom <= legend.top || top >= legend.bottom;
@@ -726,6 +727,9 @@ def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, bro
         ]
         opened.press("Plot")
         opened.text("#plots", f"{found[1]}, node {node}")
+        headings = "[...document.querySelectorAll('.plot h2')].map((e) => e.firstChild.textContent)"
+        opened.wait(f"{headings}.includes('energies [mJ]')")
+        assert not [text for text in opened.page.evaluate(headings) if "servo" in text], "it has none"
         assert opened.errors == []
 
 

@@ -2,6 +2,7 @@
 // Colours of a field with their legend, and boxes for forces: what films and the live page have in common.
 
 const SCALE_SHARE = 0.15; // length that the legend of arrows tells, at most, over the radius of the scene
+const SAME = 1e-3; // values that differ by less than that part are one
 const shown2 = (v) => String(Number(v.toPrecision(2)));
 const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "–");
 
@@ -63,9 +64,10 @@ class Colours {
     this.find([]);
   }
 
-  // Finds the largest value of the surfaces of bodies as `paint` takes them.
+  // Finds the largest value of the surfaces of bodies as `paint` takes them. Of places that hardly differ, as by
+  // symmetry, the one that was found before stays.
   find(parts) {
-    const size = this.fields.get(this.chosen)?.signed ? Math.abs : (v) => v;
+    const size = this.fields.get(this.chosen)?.signed ? Math.abs : (v) => v, before = this.largest;
     this.largest = null;
     for (const [body, values, part] of parts) {
       for (const node of surface(body)) {
@@ -73,6 +75,8 @@ class Colours {
         if (value === value && !(this.largest && size(value) <= size(this.largest.value))) this.largest = { part, node, value };
       }
     }
+    const here = before && parts.find(([, , part]) => part === before.part)?.[1][before.node];
+    if (size(here) >= (1 - SAME) * size(this.largest?.value)) this.largest = { ...before, value: here };
     byId("legend-largest").hidden = !this.largest;
     if (this.largest) byId("legend-largest").textContent = this.summit;
     this.mark();

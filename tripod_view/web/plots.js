@@ -11,6 +11,7 @@ const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", wor
 
 const PARTS = ["kinetic", "strain", "gravity"]; // of the total energy
 
+const jointKinds = () => (value("scene")?.joints ? value("kinds") ?? [] : []);
 const unitOf = (field) => value("fields")?.find(({ name }) => name === field)?.unit ?? "";
 
 // Length of the largest of some vectors, 3 numbers each; 0 without any.
@@ -24,7 +25,7 @@ function largest(vectors) {
 function quantities(view) {
   const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
   const add = (title, name, unit, number, factor = 1) => found.push([title, name, unit, factor * (number ?? NaN)]);
-  (value("kinds") ?? []).forEach(({ name, unit, back, servo }, i) => {
+  jointKinds().forEach(({ name, unit, back, servo }, i) => {
     const title = servo ? "servo angles" : `actuators [${unit}]`;
     add(title, name, unit, joints?.angles?.[i]);
     add(`${title}, commanded`, name, unit, joints?.asked?.[i]);
@@ -117,7 +118,7 @@ export function plots(view) {
 
   // What is shown at first: the joints, or the energies; and how fast it goes.
   function begin() {
-    const kinds = value("kinds") ?? [];
+    const kinds = jointKinds();
     const titles = [...new Set(kinds.map(({ servo, unit }) => (servo ? "servo angles" : `actuators [${unit}]`)))];
     wanted = [...(titles.length ? titles : ["energies"]), "real-time factor"];
   }
@@ -157,7 +158,7 @@ export function plots(view) {
   });
   let known = "";
   const changed = () => { // another scene has other quantities
-    const now = JSON.stringify([value("scene")?.name, (value("kinds") ?? []).map(({ name, unit }) => [name, unit])]);
+    const now = JSON.stringify([value("scene")?.name, jointKinds().map(({ name, unit }) => [name, unit])]);
     if (now !== known) { known = now; again(); }
   };
   listen("scene", changed);
