@@ -162,5 +162,6 @@ class LagMonitor:
         told = self._propose()
         if not self._closed:
             self._option = told.option
-            self.proposal = f"each simulated second takes {speed.load:.2g} s of one core, publishing included; {told.words}"
+            why = f"each simulated second takes {speed.load:.2g} s of one core, publishing included"
+            self.proposal = f"{why}; {told.words}"
             self._say(self.words(speed))

@@ -131,6 +131,7 @@ function joint(i) {
     bar.value = stall ? Math.min(Math.abs(load) / stall, 1) : 0;
   };
   listen("joints", show);
+  listen("kinds", () => value("joints") && show(value("joints"))); // in the units of these
   return place(row, [name, slider, number, unit, bar, torque]);
 }
 
