@@ -1,7 +1,8 @@
 """What the page shows beside the 3-D scene, as values by name, and what people do there, as events: one websocket.
 
-To a browser go JSON tables of the values that changed, all of them first, as fast as it takes them: one that sleeps gets
-the newest values when it wakes up. From it come JSON tables that `events.event_of` understands. The values belong to the thread of ROS, the websockets to that of the page's server.
+To a browser go JSON tables of the values that changed, all of them first, as fast as it takes them: one that sleeps
+gets the newest values when it wakes up. From it come JSON tables that `events.event_of` understands. The values belong
+to the thread of ROS, the websockets to that of the page's server.
 """
 
 import asyncio

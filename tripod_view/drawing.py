@@ -104,7 +104,7 @@ class Drawing:
         - `group`: `axes`, length of the axes that are drawn [m], 0 for none;
         - `mesh`: `vertices`, shape (n, 3); `triangles`, shape (m, 3); `colour`; `deforms`: whether its vertices will
           move; `through`: whether it is seen through others, faintly; `fits`: whether the camera is fitted to it;
-          of a body that can be picked `name` and `first`, the number of its first vertex among those of all;
+          of a body that can be picked `name`, and `first`, the number of its first vertex among those of all, if any;
           of a soft one `rest`, its undeformed vertices;
         - `lines`: `vertices`, shape (2 n, 3), ends of pieces; `colour`;
         - `points`: `vertices`, shape (n, 3); `colour`; `size` [m];

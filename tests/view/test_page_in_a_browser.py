@@ -733,6 +733,46 @@ def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, bro
         assert opened.errors == []
 
 
+def test_the_ball_is_clicked_and_plotted_with_its_contact_force(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.03)  # large enough to be hit
+    forces = stage.sim.create_publisher(Forces, names.FORCES, RELIABLE)
+    names_of = ["normal force on ball by plate", "normal force on plate by ball", "friction on ball by plate"]
+    told_forces = Forces(names=names_of, units=["N"] * 3, counts=[1, 1, 1], points=[0.0] * 9)
+    told_forces.vectors = array("d", [0.0, 0.0, 0.4, 0.0, 0.0, -0.4, 0.3, 0.0, 0.0])
+    began = time.monotonic()
+
+    def roll() -> None:
+        """Roll at 10 mm/s."""
+        stage.sim.publish_ball(0.01 * (time.monotonic() - began) % 1e-1 - 0.05, 0.0, 0.05)
+        forces.publish(told_forces)
+
+    timer = stage.sim.create_timer(0.02, roll)
+    try:
+        with Opened(browser, stage, "screen") as opened:
+            opened.text("#panel h1", "maze")
+            opened.press("Just watch", "Top")
+            opened.wait("document.querySelector('#follow option[value=\"/ball\"]')")
+            opened.page.locator("#follow").select_option(label="follow ball")
+            left, top, right, bottom = stage_box(opened)
+            opened.page.wait_for_timeout(500)
+            opened.page.mouse.click(0.5 * (left + right), 0.5 * (top + bottom))
+            opened.wait("document.querySelector('#picked').textContent.startsWith('ball at')")
+            opened.wait("document.querySelector('#picked').textContent.includes('speed')")
+            speed = re.search(r"speed ([\d.]+) mm/s", opened.page.locator("#picked").text_content() or "")
+            assert speed
+            assert float(speed[1]) == pytest.approx(10, rel=0.6)
+            opened.press("Plot")
+            opened.text("#picked", "contact force", "0.5 N")
+            opened.text("#plots", "ball, speed", "ball, contact force")
+            opened.text("#arrows", "ball by plate", "plate by ball")
+            assert opened.errors == []
+    finally:
+        stage.wait(lambda: timer.cancel() or True)
+        stage.destroy(forces)
+        stage.sim.publish_game(False)
+
+
 def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: Stage, browser: Any) -> None:
     show(stage.sim, "tripod")
     with Opened(browser, stage, "screen") as opened:

@@ -165,6 +165,7 @@ class ForceBoxes {
       const scale = this.view.arrowScale(group.longest), drawn = scale ? `: ${length(part)} = ${shown2(part / scale)} ${group.unit}` : "";
       this.labels.get(group.name).lastChild.data = ` ${group.name}${drawn}, up to ${shown2(group.longest)} ${group.unit}`;
     }
+    for (const group of groups) this.labels.get(group.name).hidden = !group.longest; // it has not acted yet
     this.box.hidden = !groups.length;
   }
 

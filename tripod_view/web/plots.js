@@ -49,7 +49,12 @@ function quantities(view) {
   add("contact distances", "smallest gap", "mm", figures?.smallest_gap, 1e3);
   add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
   add("contact distances", "error", "mm", figures?.contact_error, 1e3);
-  for (const { name, unit, vectors } of view?.groups() ?? []) add(`largest [${unit}]`, name, unit, largest(vectors));
+  for (const { name, unit, vectors, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest(vectors));
+  const ball = view?.ball();
+  if (ball?.place) {
+    add("ball, speed", "speed", "mm/s", ball.speed, 1e3);
+    add("ball, contact force", "contact force", "N", ball.force);
+  }
   add("residual", "residual", "N", figures?.residual);
   add("halvings", "steps halved", "", figures?.halvings);
   add("stability margin", "least", "", figures?.stability_margin?.[0]);
@@ -165,8 +170,11 @@ export function plots(view) {
   listen("kinds", changed);
 
   function plotNode(node) {
-    picked.push(node);
-    wanted.push(`${node.name}, node ${node.node}`);
+    if (view.isBall(node.part)) wanted.push("ball", "ball, speed", "ball, contact force");
+    else {
+      picked.push(node);
+      wanted.push(`${node.name}, node ${node.node}`);
+    }
     card.open = true;
     card.scrollIntoView({ block: "nearest" });
   }

@@ -409,7 +409,7 @@ class View {
   }
 
   // What is under the pointer of a mouse event, or null: the `point` of the surface [m], the name of the `body`, and of
-  // the vertex nearest to it its number in all bodies, `vertex`, and in its `part`, `node`.
+  // the vertex nearest to it its number in all bodies, `vertex`, or null, and in its `part`, `node`.
   pick({ clientX, clientY }) {
     const T = THREE, box = this.canvas.getBoundingClientRect(), caster = new T.Raycaster();
     const at = new T.Vector2(2 * (clientX - box.left) / box.width - 1, 1 - 2 * (clientY - box.top) / box.height);
@@ -425,7 +425,7 @@ class View {
     const { face, point, part, mesh, geometry, first, name } = best, place = new T.Vector3();
     const far = (n) => place.fromBufferAttribute(geometry.attributes.position, n).applyMatrix4(mesh.matrixWorld).distanceTo(point);
     const node = [face.a, face.b, face.c].sort((n, m) => far(n) - far(m))[0];
-    return { vertex: first + node, point: point.toArray().map((v, a) => v + this.origin[a]), body: name, part, node };
+    return { vertex: first === undefined ? null : first + node, point: point.toArray().map((v, a) => v + this.origin[a]), body: name, part, node };
   }
 
   // The picture as it is, with words below it, as a PNG; `background`: a colour.
