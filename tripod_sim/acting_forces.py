@@ -160,9 +160,9 @@ class ActingForces:
 
             world = integrator_of(self._parts.stepper).world
             points, normals, friction, sides = contact_forces(world, world.soft + self._system.groups.free)
-            for i, j in np.unique(sides, axis=0).tolist() if self._pairs else [(None, None)]:
-                own = (sides == (i, j)).all(axis=1) if self._pairs else np.ones(len(sides), dtype=bool)
-                pair = self._pairs.get((i, j), "")
+            pairs = np.array([self._pairs.get((i, j), "") for i, j in sides.tolist()], dtype=object)
+            for pair in dict.fromkeys(pairs.tolist()):
+                own = pairs == pair
                 yield "normal force", pair, (points[own], normals[own])
                 yield "friction", pair, _acting(points[own], friction[own])
         elif (ball := self._parts.ball) and state.ball:

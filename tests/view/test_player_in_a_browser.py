@@ -348,6 +348,32 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     player.wait("!document.querySelector('#plot-picked').checkVisibility()")
 
 
+def test_the_ball_is_clicked_and_plotted_with_its_contact_force(browser: Any, tmp_path: Path) -> None:
+    names = ("normal force on ball by plate", "friction on ball by plate", "friction on plate by ball")
+    forces = tuple(
+        Arrows(name, "N", (0, 90, 0), np.ones(4, int), np.zeros((4, 3)), np.tile(vector, (4, 1)))
+        for name, vector in zip(names, ([0.0, 0.0, 0.4], [0.3, 0.0, 0.0], [-0.3, 0.0, 0.0]), strict=True)
+    )
+    path = tmp_path / "ball.html"
+    write_html(replace(shown_film(), arrows=forces), path)
+    player = Player(browser, path)
+    page, box = player.page, player.page.locator("#picture").bounding_box()
+    page.locator("#follow").select_option(label="follow ball")
+    page.locator("#top").click()
+    page.locator("#picture").click(position={"x": 0.5 * box["width"], "y": 0.5 * box["height"]})
+    player.wait("document.querySelector('#picked').textContent.startsWith('ball at [0.05, 0, 0.06]')")
+    told = page.locator("#picked").inner_text()
+    messages.assert_names(told, "speed 100 mm/s", "contact force 0.5 N")  # 0.1 m/s; 0.4 N and 0.3 N
+    page.locator("#plot-picked").click()
+    assert player.plots()[1:] == ["ball [mm]", "ball, speed [mm/s]", "ball, contact force [N]"]
+    _, content = player.download(page.locator("[aria-label='save the numbers: ball, speed']").click)
+    assert [float(row.split(",")[1]) for row in content.decode().splitlines()[1:]] == pytest.approx(
+        [100] * 4, rel=1e-3
+    )
+    page.close()
+    assert player.errors == []
+
+
 def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
     page = player.page
     assert player.plots() == ["height [mm]"]

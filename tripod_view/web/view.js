@@ -404,8 +404,11 @@ class View {
   }
 
   // What can be picked: meshes, each with the `name` of its body and the number `first` of its first vertex.
+  // Bodies are parts by their number, a ball that is a piece by the number of the piece behind those.
   targets() {
-    return this.bodies.map(({ mesh, geometry }, part) => ({ part, mesh, geometry, first: 0, name: this.stage.bodies[part].name }));
+    const bodies = this.bodies.map(({ mesh, geometry }, part) => ({ part, mesh, geometry, first: 0, name: this.stage.bodies[part].name }));
+    const pieces = this.pieces.map(({ mesh, geometry }, p) => ({ part: bodies.length + p, mesh, geometry, name: this.stage.pieces[p].name }));
+    return [...bodies, ...pieces.filter(({ mesh, name }) => mesh.visible && name === "ball")];
   }
 
   // What is under the pointer of a mouse event, or null: the `point` of the surface [m], the name of the `body`, and of
