@@ -48,6 +48,9 @@ UNITS: Mapping[str, str] = {
 MOST_PAIRS = 30
 """Pairs of bodies that may touch, above which contact forces have one group for all pairs."""
 
+LONGEST_NAME = 30
+"""What is told of the name of a body [characters]."""
+
 ON = " on "
 """In the name of a group, between its kind and the bodies."""
 
@@ -145,8 +148,9 @@ class ActingForces:
             return {(0, 1): f"{ON}ball by plate", (1, 0): f"{ON}plate by ball"} if self._parts.ball else {}
         world = integrator_of(self._parts.stepper).world
         moving, parts = world.soft + self._system.groups.free, world.parts
+        names = [part.name.replace("/", " ")[:LONGEST_NAME] for part in parts]
         found = {
-            (i, j): f"{ON}{parts[i].name} by {parts[j].name if i != j else 'itself'}"
+            (i, j): f"{ON}{names[i]} by {names[j] if i != j else 'itself'}"
             for i in range(moving)
             for j in range(len(parts))
             if (parts[i].self_contact if i == j else parts[i].rigid or not parts[j].kinematic)
