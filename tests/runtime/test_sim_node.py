@@ -214,7 +214,8 @@ def test_the_error_of_the_mesh_is_a_field_where_the_scene_estimates_it(make) -> 
     found: list[Any] = []
     original = simulation.mesh_error_field
     simulation.mesh_error_field = lambda: found.append(original()) or found[-1]
-    graph.next(names.BODY_STATE, lambda b: b.step > 10)
+    graph.listen(names.FORCES)
+    graph.next(names.FORCES, lambda f: f.step > 10)
     assert not found, "nobody listens"
     every: list[Any] = []
     ear = graph.ear.create_subscription(Field, topic, every.append, RELIABLE)
@@ -231,7 +232,7 @@ def test_the_error_of_the_mesh_is_a_field_where_the_scene_estimates_it(make) -> 
     graph.wait(lambda: not graph.node._physics.wanted.mesh_error, "the end of the subscription")
     graph.pause(False)
     found.clear()
-    graph.next(names.BODY_STATE, lambda b: b.step > step + 20)
+    graph.next(names.FORCES, lambda f: f.step > step + 100)
     assert not found
 
 

@@ -11,7 +11,7 @@ from tests.messages import raises_naming
 from tests.sim.actuator_scenes import BY_LENGTH, BY_TENSION, JAW, PUSH, finger
 from tripod_host.arrays import FloatArray
 from tripod_sim import SceneError, Simulation, acting_forces, load_scene
-from tripod_sim.acting_forces import UNITS, Forces, kind_of
+from tripod_sim.acting_forces import ON, UNITS, Forces, kind_of
 
 G = 9.81
 STILL = ("inertia=off", "damping=off")
@@ -160,10 +160,10 @@ def test_contact_forces_name_the_body_on_which_they_act_and_that_by_which(
     assert not [name for name in found if "by itself" in name or "on obstacle" in name]
     assert set(found) == set(simulation.force_groups)
     cloth = kept("drape", "contact.self_contact=true")
-    assert "friction on body by itself" in cloth.force_groups
+    assert f"friction{ON}body by itself" in cloth.force_groups
     named = kept("two_cloths", f"body.0.name={'a/' * 40}").force_groups
     assert not [name for name in named if "/" in name or len(name) > 100]  # which the page refuses
-    assert "normal force on ball by plate" in kept("maze", "mesh.level=1").force_groups
+    assert f"normal force{ON}ball by plate" in kept("maze", "mesh.level=1").force_groups
     monkeypatch.setattr(acting_forces, "MOST_PAIRS", 8)  # of 9
     assert [name for name in kept("stack").force_groups if name != "weight"] == ["normal force", "friction"]
 

@@ -10,7 +10,7 @@ import pytest
 from tests.messages import raises_naming
 from tests.view.test_player import unpacked
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.acting_forces import UNITS
+from tripod_sim.acting_forces import CONTACT, UNITS
 from tripod_study import recording as recording_module
 from tripod_study.recording import Recording
 from tripod_view.player.colour_maps import FORCES
@@ -48,8 +48,7 @@ def test_the_arrows_of_a_picture_are_the_forces_of_its_step(bounce: tuple[Record
     steps = np.array([3, 50, 79])
     film = film_of(recording.arrays(), steps)
     assert [(a.name, a.unit) for a in film.arrows] == [
-        ("normal force on ball by obstacle", "N"),
-        ("friction on ball by obstacle", "N"),
+        *((f"{kind} on ball by obstacle", "N") for kind in CONTACT),
         ("weight", "N"),
     ]
     for g, arrows in enumerate(film.arrows):

@@ -804,7 +804,7 @@ def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: St
             with page.expect_download() as download:
                 page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
             head, *rows = Path(download.value.path()).read_text().splitlines()
-            assert next(csv.reader([head])) == ["time [s]", "time of the page [s]", "z [mm]", "x [mm]"]
+            assert next(csv.reader([head])) == ["time [s]", "page time [s]", "z [mm]", "x [mm]"]
             return np.array([row.split(",")[:2] for row in rows], float).T
 
         def restarted() -> tuple[np.ndarray, np.ndarray] | None:
@@ -895,7 +895,7 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         opened.press("Forces")
         until(opened, lambda: forces.publish(load), "document.querySelector('#arrows input')")
         opened.text("#arrows", "load", "2.5 N")
-        assert re.search(r"\d m?m = [\d.]+ N", page.locator("#arrows").inner_text())
+        assert re.search(r"mm = [\d.]+ N", page.locator("#arrows").inner_text())
         assert page.locator("#arrows input").is_checked()
         page.locator("#arrows input").uncheck()
         opened.press("Forces")

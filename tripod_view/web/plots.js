@@ -71,7 +71,7 @@ function quantities(view) {
 class Minute {
   constructor() {
     Object.assign(this, { times: [], columns: new Map() });
-    this.clock = this.column("time of the page", "s");
+    this.clock = this.column("page time", "s");
   }
 
   get lists() { return [this.times, this.clock.values, ...[...this.columns.values()].map(({ values }) => values)]; }
