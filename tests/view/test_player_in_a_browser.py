@@ -348,6 +348,22 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     player.wait("!document.querySelector('#plot-picked').checkVisibility()")
 
 
+def test_forces_that_are_rounding_are_told_but_not_drawn(browser: Any, tmp_path: Path) -> None:
+    (load,) = shown_film().arrows
+    path = tmp_path / "rounding.html"
+    tiny = replace(load, name="friction", vectors=1e-7 * load.vectors)
+    write_html(replace(shown_film(), arrows=(load, tiny)), path)
+    player = Player(browser, path)
+    before = player.pixels()[40:]  # below the boxes
+    player.page.locator("#arrow-1").check()
+    assert same(player.pixels()[40:], before)
+    messages.assert_names(player.page.locator("#arrows label").nth(1).inner_text(), "friction", "2.5e-7 N")
+    player.page.locator("#arrow-0").check()
+    assert not same(player.pixels()[40:], before)
+    player.page.close()
+    assert player.errors == []
+
+
 def test_the_ball_is_clicked_and_plotted_with_its_contact_force(browser: Any, tmp_path: Path) -> None:
     names = ("normal force on ball by plate", "friction on ball by plate", "friction on plate by ball")
     forces = tuple(

@@ -143,7 +143,7 @@ async function main() {
     boxes.offer(stage.arrows);
     stage.arrows.forEach((arrow, a) => {
       const { points, vectors } = film.arrows[a][moment[0]], on = boxes.has(arrow.name), none = new Float32Array(0);
-      view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.arrowScale(arrow.longest));
+      view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.scaleOf(arrow, stage.arrows));
     });
     view.trail(showPath ? film.path(movers.get(Number(followed) ? stage.pieces[followed].name : main), moment) : []);
     view.render();

@@ -162,7 +162,7 @@ class ForceBoxes {
     }
     for (const group of groups) {
       if (!this.labels.has(group.name)) this.add(group);
-      const scale = this.view.arrowScale(group.longest), drawn = scale ? `: ${length(part)} = ${shown2(part / scale)} ${group.unit}` : "";
+      const scale = this.view.scaleOf(group, groups), drawn = scale ? `: ${length(part)} = ${shown2(part / scale)} ${group.unit}` : "";
       this.labels.get(group.name).lastChild.data = ` ${group.name}${drawn}, up to ${shown2(group.longest)} ${group.unit}`;
     }
     for (const group of groups) this.labels.get(group.name).hidden = !group.longest; // it has not acted yet

@@ -191,10 +191,11 @@ class LiveView extends View {
 
   // Draws the groups of forces that are wanted.
   lay() {
+    const groups = this.groups();
     for (const node of this.all.values()) {
       if (node.kind !== "arrows") continue;
       const { name, points, vectors, colour } = node, on = this.forces && this.wants(name) && points.length === vectors.length;
-      this.point(`force ${name}`, on ? points : [], on ? vectors : [], colour, this.arrowScale(node.longest));
+      this.point(`force ${name}`, on ? points : [], on ? vectors : [], colour, this.scaleOf(node, groups));
     }
   }
 

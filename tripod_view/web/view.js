@@ -7,6 +7,7 @@ const HALF_ANGLE = 0.3; // half the angle of view [rad]
 const NONE = [176, 176, 176]; // colour of a value that is missing
 const ARROW_SHARE = 0.4; // length of the longest arrow over the radius of the scene
 const MARK = [[4, 9, 0xffffff], [5.5, 7.5, 0x111111]]; // rings about a marked point: radii [px], colour
+const ROUNDING = 1e-5; // of the longest arrow of its unit: what is shorter is none
 const CREASE = 40; // angle between faces whose common edge is drawn, of pieces [degrees]
 const VIEWS = { front: [-90, 0], side: [0, 0], top: [-90, 90] }; // azimuth and elevation of the eye [degrees]
 
@@ -259,6 +260,12 @@ class View {
 
   // Metres of a unit at which the longest arrow, of `longest` units, is well seen.
   arrowScale(longest) { return longest > 0 ? ARROW_SHARE * this.stage.camera.radius / longest : 0; }
+
+  // The same of a group of `groups`; 0 where its longest arrow is rounding beside those of its unit.
+  scaleOf(group, groups) {
+    const most = Math.max(...groups.filter(({ unit }) => unit === group.unit).map(({ longest }) => longest));
+    return group.longest < ROUNDING * most ? 0 : this.arrowScale(group.longest);
+  }
 
   showLines(shown) { for (const { lines } of this.bodies) lines.visible = shown; }
 
