@@ -6,7 +6,7 @@ const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
 const WAY = 2000; // places of a path that are kept
-const BALL = "/ball", TRAIL = 0.3; // its node; time over which its speed is a mean [s]
+const BALL = "/ball", TRAIL = 0.3, REST = 1e-6; // its node; time over which its speed is a mean [s]; speed that is none [m/s]
 const FOLLOWED = { "/ball": "ball", "/effector": "effector" };
 
 const colour = (rgb) => new THREE.Color(...rgb.map((c) => c / 255));
@@ -363,7 +363,7 @@ class LiveView extends View {
     const first = this.ballTrail[0], last = this.ballTrail.at(-1), force = [0, 0, 0], of = this.groups().filter(({ name }) => name.includes(" on ball by "));
     for (const { vectors } of of) vectors.forEach((v, i) => { force[i % 3] += v; });
     const speed = last?.time > first?.time ? Math.hypot(...last.place.map((v, a) => v - first.place[a])) / (last.time - first.time) : NaN;
-    return { place: this.placeOf(BALL), speed, force: of.length ? Math.hypot(...force) : NaN };
+    return { place: this.placeOf(BALL), speed: speed < REST ? 0 : speed, force: of.length ? Math.hypot(...force) : NaN };
   }
 
   // ---- the path of what is followed, the ball or the effector
