@@ -99,6 +99,11 @@ class Introspection:
         """Return where joints are and what they do there."""
         return self._simulation.joint_work(snapshot.joints, snapshot.efforts)
 
+    @property
+    def is_watched(self) -> bool:
+        """Whether somebody looks at the run."""
+        return bool(self._figures.get_subscription_count())
+
     def publish_scene(self) -> None:
         """Publish what there is to draw, what accuracies cost, and which effects there are."""
         accuracy = as_table(accuracy_summary(self._source, self._simulation.scene, self._speed))
@@ -118,7 +123,7 @@ class Introspection:
         if self._speed != self._told:
             self._told = self._speed
             self.publish_scene()
-        if not self._figures.get_subscription_count():
+        if not self.is_watched:
             return
         with self._lock:
             latest, balance, halvings = self._latest, self._books.balance, self._halvings

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from tripod_host.priority import stand_back
 from tripod_host.slow_machine import WHAT_TO_DO
@@ -27,6 +28,9 @@ SHARE = 0.7
 LASTING = 3
 """Calls of `LagMonitor.look` in a row that find the steps too slow before a busy machine is logged."""
 
+LONGEST_HINT = 140
+"""Of what a page tells [characters]."""
+
 QUIET = 60.0
 """Least time between two lines of the log [s]."""
 
@@ -38,13 +42,25 @@ ALSO = "; the machine is busy, too: close other programs"
 BUSY = f"the machine is busy: {WHAT_TO_DO}"
 
 
+class Proposal(NamedTuple):
+    """A cheaper setting in words, or why there is none.
+
+    Attributes:
+        words: For people.
+        option: Value of `--accuracy` that takes it; empty: none.
+    """
+
+    words: str
+    option: str = ""
+
+
 def proposal(
     source: str,
     words: Sequence[str],
     *,
     study: Path | None = None,
     speed: Callable[[], float | None] = product_time,
-) -> str:
+) -> Proposal:
     """Return which setting `--accuracy real-time` takes for a scene that is too slow, or why none is known.
 
     Args:
@@ -59,20 +75,22 @@ def proposal(
         found = study_of(source, made, study)
         here, there = (point_of(found, scene) for scene in (made, load_scene(source, choice.overrides)))
     except SceneError as error:
-        return f"no cheaper setting can be proposed: {error}"
+        return Proposal(f"no cheaper setting can be proposed: {error}")
     if here and there and here.cpu <= there.cpu:
-        return (
+        return Proposal(
             f"study {found.name} has no cheaper setting that runs in real time: close other programs; "
-            "if that is not enough, start with `--accuracy draft`"
+            "if that is not enough, start with `--accuracy draft`",
+            "draft",
         )
     replaced = "; ".join(word for word in words if word not in choice.overrides)
     told = "not known"
     if choice.measured is not None:
         then, now = percent(choice.measured), percent(measured(found, here)) if here else ""
         told = f"about {then}{f' instead of {now}' if now not in ('', then) else ''} (measured)"
-    return (
+    return Proposal(
         f"`--accuracy real-time` at the start, or real-time on the page, takes {changes(made, choice.settings)}"
-        f"{f' in place of {replaced}' if replaced else ''}: error {told}"
+        f"{f' in place of {replaced}' if replaced else ''}: error {told}",
+        "real-time",
     )
 
 
@@ -86,12 +104,12 @@ class LagMonitor:
         proposal: What the setting takes and which one is proposed; empty before it was too slow.
     """
 
-    def __init__(self, propose: Callable[[], str], say: Callable[[str], None]) -> None:
+    def __init__(self, propose: Callable[[], Proposal], say: Callable[[str], None]) -> None:
         """`propose` may take seconds, see `proposal`; `say` is called for the log, in any thread."""
         self._propose, self._say = propose, say
         self._search: threading.Thread | None = None
         self._count, self._said, self._closed = 0, float("-inf"), False
-        self.proposal = ""
+        self.proposal = self._option = ""
 
     def look(self, speed: Speed, now: float) -> None:
         """Take the speed of the last second; call it every `PERIOD`, at the steady time `now` [s]."""
@@ -108,10 +126,25 @@ class LagMonitor:
         """Return why the steps are slower than real time and what to do; empty where they are not, or not known yet."""
         if not speed.behind:
             return ""
-        if speed.load < (EASED if self.proposal else FULL):
+        if self._is_busy(speed):
             return BUSY
         also = speed.real_time_factor * max(speed.load, 1.0) < SHARE
         return self.proposal + (ALSO if also and self.proposal else "")
+
+    def _is_busy(self, speed: Speed) -> bool:
+        """Whether it is other programs, and not the setting, that make the steps too slow."""
+        return speed.load < (EASED if self.proposal else FULL)
+
+    def hint(self, speed: Speed) -> str:
+        """Return what a user of the page can do, in `LONGEST_HINT` characters at most; empty where nothing is slow."""
+        if not speed.behind:
+            return ""
+        todo = ["lower the speed (card Pull, load, speed)"]
+        if self._is_busy(speed):
+            todo.insert(0, "close other programs")
+        elif self._option:
+            todo.append(f"start with `--accuracy {self._option}`")
+        return f"slower than real time ({speed.real_time_factor:.2f} x): {', or '.join(todo)}"
 
     def words(self, speed: Speed) -> str:
         """Return that the steps are slower than real time, by how much, and `advice`; empty where they are not."""
@@ -128,7 +161,7 @@ class LagMonitor:
         stand_back()
         told = self._propose()
         if not self._closed:
-            self.proposal = (
-                f"each simulated second takes {speed.load:.2g} s of one core, publishing included; {told}"
-            )
+            self._option = told.option
+            why = f"each simulated second takes {speed.load:.2g} s of one core, publishing included"
+            self.proposal = f"{why}; {told.words}"
             self._say(self.words(speed))

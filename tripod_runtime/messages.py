@@ -18,7 +18,7 @@ from tripod_runtime.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_runtime.input_log import APPLIED, HEAD
 from tripod_runtime.notices import known
 from tripod_runtime.realtime import Snapshot
-from tripod_sim.acting_forces import UNITS
+from tripod_sim.acting_forces import UNITS, kind_of
 from tripod_sim.compliance import Compliance as Linearised
 from tripod_sim.fields import FIELDS
 from tripod_sim.maze.board_mesh import BoardMesh
@@ -119,7 +119,7 @@ def forces_message(snapshot: Snapshot) -> ForcesMessage:
     vectors = np.concatenate([none, *(group.vectors for group in groups)])
     return ForcesMessage(
         header=header(snapshot.stamp), step=snapshot.step, time=snapshot.time, names=[g.name for g in groups],
-        units=[UNITS[g.name] for g in groups], counts=[len(g.points) for g in groups], points=flat(points),
+        units=[UNITS[kind_of(g.name)] for g in groups], counts=[len(g.points) for g in groups], points=flat(points),
         vectors=flat(vectors),
     )  # fmt: skip
 

@@ -123,6 +123,7 @@ class SimNode(Node):
         if resimulation is None:
             self._introspection.hear(self, self._on_request, self._refuse)
         self._shown: Snapshot | None = None
+        self._observed: Snapshot | None = None
         self._shown_at = 0.0
         self._pose_rate = values["pose_rate"]
         self._count_poses()
@@ -132,7 +133,7 @@ class SimNode(Node):
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
         self._lag = self._watch_speed(values)
-        self._introspection.standing = lambda: self._hot_swap.words or self._lag.advice(self._physics.speed())
+        self._introspection.standing = lambda: self._hot_swap.words or self._lag.hint(self._physics.speed())
         self._introspection.hands = self._hands_told
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
@@ -276,7 +277,6 @@ class SimNode(Node):
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
         self._introspection.keep(snapshot)
-        self._topics.publish_forces(snapshot)
         if self._resimulation:
             self._resimulation.compare()
         if (c := messages.compliance_message(snapshot, self._arms)) is not None:
@@ -301,7 +301,11 @@ class SimNode(Node):
     def _on_body_timer(self) -> None:
         snapshot = self._physics.latest
         now = time.monotonic()
-        self._physics.want_forces = self._topics.forces.get_subscription_count() > 0
+        self._physics.watched, self._physics.wanted = self._introspection.is_watched, self._topics.wanted
+        observed = self._physics.observed
+        if observed and observed is not self._observed:
+            self._observed = observed
+            self._topics.publish_wanted(observed)
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
         self._shown, self._shown_at = snapshot, now

@@ -29,8 +29,9 @@ WINDOW = 1.0
 ENERGY_PERIOD = 0.05
 """Shortest time between two looks at the energies while the physics runs [s]; they cost a fifth of a step."""
 
-FORCES_PERIOD = 0.1
-"""Shortest time between two looks at the forces while the physics runs [s]; they may cost more than a step."""
+WANTED_PERIOD = 0.1
+"""Shortest time between two snapshots with forces or mesh error while the physics runs [s]: these may cost more than a
+step."""
 
 BEHIND = 0.95
 """Real-time factor below which the physics is too slow; a replay may have asked for less."""
@@ -65,7 +66,8 @@ class Snapshot:
         event: What has become of the ball, in words; empty while nothing has.
         left_out: Rigid bodies that the last compliance leaves out; empty while nobody needs any.
         pushed: Whether somebody applied forces in this step.
-        forces: What acts on the bodies, every `FORCES_PERIOD` while somebody wants to know; else empty.
+        forces: What acts on the bodies, every `WANTED_PERIOD` while it is wanted; else empty.
+        mesh_error: See `Simulation.mesh_error_field` [m], every `WANTED_PERIOD` while it is wanted; else None.
     """
 
     stamp: int
@@ -83,6 +85,15 @@ class Snapshot:
     left_out: tuple[int, ...] = ()
     pushed: bool = False
     forces: tuple[Forces, ...] = ()
+    mesh_error: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What snapshots have only on request: forces on the bodies, the field of the mesh error."""
+
+    forces: bool = False
+    mesh_error: bool = False
 
 
 @dataclass(frozen=True)
@@ -111,11 +122,12 @@ class RealTime(threading.Thread):
 
     Attributes:
         latest: The newest snapshot.
+        observed: The newest snapshot that has something of `wanted`; None before the first.
         compliance_period: Shortest time between two compliances [s]; may change at any time.
         activity: What the thread is doing.
         failure: Why it failed, empty if it did not.
         want_compliance: Whether anyone needs compliances now.
-        want_forces: Whether anyone needs the forces on the bodies now.
+        watched: Whether anyone looks at the run: each step then keeps what the forces need.
         hands: What pulls at the bodies and loads them.
         input_log: What the steps were made with.
         ended: Whether there is nothing more to step with.
@@ -151,7 +163,7 @@ class RealTime(threading.Thread):
         self._period = dt / rate
         self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
         self._done: deque[tuple[float, float]] = deque(maxlen=self._taken.maxlen)
-        self._energies_due = self._forces_due = float("-inf")
+        self._energies_due = self._wanted_due = float("-inf")
         self.compliance_period = compliance_period
         self._missed = 0
         self._requests = threading.Condition()
@@ -162,8 +174,10 @@ class RealTime(threading.Thread):
         self._checkpoint_wanted = self.ended = False
         self.input_log, self.hands = InputLog(), Hands(simulation)
         self.activity, self.failure = Activity.RUNNING, ""
-        self.want_compliance = self.want_forces = self._pushed = False
-        self.latest = self._snapshot(compliance=False)
+        self.want_compliance = self.watched = self._pushed = False
+        self._wanted = Wanted()
+        self.observed: Snapshot | None = None
+        self.latest: Snapshot = self._snapshot(compliance=False)
 
     @property
     def simulation(self) -> Simulation:
@@ -179,6 +193,18 @@ class RealTime(threading.Thread):
     def rate(self, rate: float) -> None:
         self._rate, self._period = rate, self._simulation.scene.dt / rate
         self._done.clear()
+
+    @property
+    def wanted(self) -> Wanted:
+        """What snapshots have on request. What is new is taken at once where no step comes."""
+        return self._wanted
+
+    @wanted.setter
+    def wanted(self, wanted: Wanted) -> None:
+        before, self._wanted = self._wanted, wanted
+        more = (wanted.forces and not before.forces) or (wanted.mesh_error and not before.mesh_error)
+        if more and self.activity is not Activity.RUNNING:
+            self.between_steps(lambda _: None)  # a snapshot follows
 
     def run(self) -> None:
         """Step until `stop`."""
@@ -236,6 +262,8 @@ class RealTime(threading.Thread):
             if self._checkpoint_wanted:
                 self._save()
             forces = self._apply_hands()
+            if self.watched or self._wanted.forces:
+                self._simulation.keep_forces()
             start = clock.perf_counter()
             report = self._simulation.step(joints)
             self._taken.append(clock.perf_counter() - start)
@@ -312,19 +340,26 @@ class RealTime(threading.Thread):
             except StepError:
                 answer = None  # singular just here; the next one follows
         forces: tuple[Forces, ...] = ()
+        mesh_error, wanted = None, self._wanted
         now = clock.monotonic()
-        if self.want_forces and (self.activity is not Activity.RUNNING or now >= self._forces_due):
-            simulation.keep_forces()
-            forces = simulation.forces()
-            self._forces_due = now + FORCES_PERIOD if forces else now
+        if wanted != Wanted() and (self.activity is not Activity.RUNNING or now >= self._wanted_due):
+            if wanted.forces:
+                simulation.keep_forces()
+                forces = simulation.forces()
+            if wanted.mesh_error:
+                mesh_error = simulation.mesh_error_field()
+            self._wanted_due = now + WANTED_PERIOD if forces or not wanted.forces else now
         if self.activity is not Activity.RUNNING or now >= self._energies_due:
             self._energies, self._energies_due = simulation.energies(), now + ENERGY_PERIOD
-        return Snapshot(
+        snapshot = Snapshot(
             self._stamp(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
             simulation.efforts.copy(), simulation.effector, answer, simulation.report, self._energies,
             simulation.ball, simulation.ball_event, simulation.left_out if self.want_compliance else (),
-            simulation.pushed, forces,
+            simulation.pushed, forces, mesh_error,
         )  # fmt: skip
+        if forces or mesh_error is not None:
+            self.observed = snapshot
+        return snapshot
 
     def speed(self) -> Speed:
         """Return how fast the physics runs; callable from any thread."""

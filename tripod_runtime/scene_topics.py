@@ -15,7 +15,8 @@ from tripod_graph import names
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_runtime import messages
 from tripod_runtime.markers import SceneMarkers
-from tripod_runtime.realtime import Snapshot
+from tripod_runtime.realtime import Snapshot, Wanted
+from tripod_sim.fields import MESH_ERROR
 from tripod_sim.maze.board_mesh import board_mesh
 from tripod_sim.scene.file import scene_to_toml
 from tripod_sim.simulation import Simulation
@@ -77,9 +78,22 @@ class SceneTopics:
         if self.cloud.get_subscription_count():
             self.cloud.publish(messages.cloud_message(snapshot))
 
+    @property
+    def wanted(self) -> Wanted:
+        """What snapshots are to have because somebody listens to it."""
+        error = self.fields.get(MESH_ERROR)
+        return Wanted(
+            forces=self.forces.get_subscription_count() > 0,
+            mesh_error=error is not None and error.get_subscription_count() > 0,
+        )
+
     def _publish_fields(self, snapshot: Snapshot) -> None:
-        """Publish the fields that somebody listens to, if they are due."""
-        heard = [name for name, publisher in self.fields.items() if publisher.get_subscription_count()]
+        """Publish the fields of positions that somebody listens to, if they are due."""
+        heard = [
+            name
+            for name, publisher in self.fields.items()
+            if name != MESH_ERROR and publisher.get_subscription_count()
+        ]
         if not heard:
             self._nodal = None
             return
@@ -92,7 +106,10 @@ class SceneTopics:
             self.fields[name].publish(messages.field_message(name, values, snapshot, self._skin))
         self._fields_due = begun + max(FIELD_PERIOD, (time.monotonic() - begun) / FIELD_SHARE)
 
-    def publish_forces(self, snapshot: Snapshot) -> None:
-        """Publish the forces of a snapshot that has them; any thread."""
+    def publish_wanted(self, snapshot: Snapshot) -> None:
+        """Publish forces and mesh error of a snapshot that has them."""
         if snapshot.forces:
             self.forces.publish(messages.forces_message(snapshot))
+        if (error := snapshot.mesh_error) is not None:
+            message = messages.field_message(MESH_ERROR, error, snapshot, self._skin)
+            self.fields[MESH_ERROR].publish(message)

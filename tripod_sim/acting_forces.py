@@ -2,7 +2,7 @@
 
 | group | unit | vectors |
 |---|---|---|
-| normal force, friction | N | on each body that touches something, at the points of contact |
+| normal force, friction | N | on a body that touches another, where it does: `friction on ball by plate` (1) |
 | reaction | N | of what holds or moves nodes: the sum over each patch of neighbours, at its middle |
 | reaction moment | N m | of that patch, about its middle |
 | cable tension | N | of a cable on the points of bodies through which it runs |
@@ -10,12 +10,14 @@
 | load | N | dead loads, node by node, and commanded forces |
 | weight | N | of each soft and rigid body, at its centre of mass |
 
+(1) A group for each pair of bodies, unless more than `MOST_PAIRS` may touch.
+
 All act on the bodies. They are the multipliers, barrier forces and gradients of the step itself; none is estimated from
 the motion. Not shown: the pressure in chambers, which acts on the whole surface (see `Simulation.efforts`); impulses of
 impacts; forces within bodies, of springs between them and of a strain limit; drag.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +43,25 @@ UNITS: Mapping[str, str] = {
     "load": "N",
     "weight": "N",
 }
-"""Of the groups, in their order."""
+"""Of the groups, in their order; see `kind_of`."""
+
+MOST_PAIRS = 30
+"""Pairs of bodies that may touch, above which contact forces have one group for all pairs."""
+
+LONGEST_NAME = 30
+"""What is told of the name of a body [characters]."""
+
+ON = " on "
+"""In the name of a group, between its kind and the bodies."""
+
+
+def kind_of(group: str) -> str:
+    """Return the key of `UNITS` of a group: `normal force` of `normal force on ball by plate`."""
+    return group.partition(ON)[0]
+
+
+CONTACT = ("normal force", "friction")
+"""Kinds of groups that name two bodies."""
 
 Vectors = tuple[FloatArray, FloatArray]
 """Points [m] and vectors, both of shape (k, 3)."""
@@ -51,7 +71,7 @@ class Forces(NamedTuple):
     """A group of forces or moments on the bodies.
 
     Attributes:
-        name: A key of `UNITS`.
+        name: A key of `UNITS`, of contact forces with the bodies: `normal force on ball by plate`.
         points: Where they act [m], shape (k, 3).
         vectors: In the group's unit, shape (k, 3).
     """
@@ -76,6 +96,7 @@ class ActingForces:
         blocks = [block for body in parts.assembly.bodies for block in body.blocks] if parts.assembly else []
         self._patches, self._weights = _patches(groups, blocks), _weights(system, blocks)
         there = {term.exerts for term in self._terms}
+        self._pairs = self._named_pairs()
         if contact or parts.ball:
             there |= {"normal force", "friction"}
         if self._patches:
@@ -84,7 +105,12 @@ class ActingForces:
             there.add("servo torque")
         if self._weights or (parts.rigid and parts.rigid.gravity.any()):
             there.add("weight")
-        self.groups = tuple(name for name in UNITS if name in there)
+        self.groups = tuple(
+            f"{kind}{pair}"
+            for kind in UNITS
+            if kind in there
+            for pair in (dict.fromkeys(self._pairs.values()) if self._pairs and kind in CONTACT else ("",))
+        )
 
     def at(self, state: State, gradient: FloatArray, efforts: FloatArray) -> tuple[Forces, ...]:
         """Return the forces of `groups`, in that order.
@@ -95,8 +121,8 @@ class ActingForces:
             efforts: Of the actuators then.
         """
         found: dict[str, list[Vectors]] = {name: [] for name in self.groups}
-        for name, one in self._contacts(state).items():
-            found[name].append(one)
+        for kind, pair, one in self._contacts(state):
+            found[f"{kind}{pair}"].append(one)
         if self._patches:
             found["reaction"], found["reaction moment"] = self._reactions(state.positions, gradient)
         actuator = len(self._system.groups.driven)
@@ -116,21 +142,38 @@ class ActingForces:
             for name, vectors in found.items()
         )
 
-    def _contacts(self, state: State) -> dict[str, Vectors]:
-        """Return normal forces and friction."""
+    def _named_pairs(self) -> dict[tuple[int, int], str]:
+        """Return how a group names two surfaces that may touch: on which it acts, by which; empty: not at all."""
+        if not self._contact:
+            return {(0, 1): f"{ON}ball by plate", (1, 0): f"{ON}plate by ball"} if self._parts.ball else {}
+        world = integrator_of(self._parts.stepper).world
+        moving, parts = world.soft + self._system.groups.free, world.parts
+        names = [part.name.replace("/", " ")[:LONGEST_NAME] for part in parts]
+        found = {
+            (i, j): f"{ON}{names[i]} by {names[j] if i != j else 'itself'}"
+            for i in range(moving)
+            for j in range(len(parts))
+            if (parts[i].self_contact if i == j else parts[i].rigid or not parts[j].kinematic)
+        }
+        return found if len(set(found.values())) <= MOST_PAIRS else {}
+
+    def _contacts(self, state: State) -> Iterator[tuple[str, str, Vectors]]:
+        """Generate normal forces and friction: kind, how the group names the pair of bodies, vectors."""
         if self._contact:
             from tripod_sim.contact.shown_forces import contact_forces  # noqa: PLC0415 - only with contact
 
             world = integrator_of(self._parts.stepper).world
-            points, normals, friction = contact_forces(world, world.soft + self._system.groups.free)
-            return {"normal force": (points, normals), "friction": _acting(points, friction)}
-        if (ball := self._parts.ball) and state.ball:
+            points, normals, friction, sides = contact_forces(world, world.soft + self._system.groups.free)
+            pairs = np.array([self._pairs.get((i, j), "") for i, j in sides.tolist()], dtype=object)
+            for pair in dict.fromkeys(pairs.tolist()):
+                own = pairs == pair
+                yield "normal force", pair, (points[own], normals[own])
+                yield "friction", pair, _acting(points[own], friction[own])
+        elif (ball := self._parts.ball) and state.ball:
             forces, point = ball.contact_forces(state.ball)
-            return {
-                name: _acting(np.array([point, point]), np.array([force, -force]))
-                for name, force in zip(("normal force", "friction"), forces, strict=True)
-            }
-        return {}
+            for kind, force in zip(CONTACT, forces, strict=True):
+                for pair, sign in zip(self._pairs.values(), (1.0, -1.0), strict=True):
+                    yield kind, pair, _acting(point[None], sign * force[None])
 
     def _reactions(self, x: FloatArray, gradient: FloatArray) -> tuple[list[Vectors], list[Vectors]]:
         """Return of each patch the force of what holds it, at its middle, and the moment about that."""

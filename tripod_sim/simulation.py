@@ -693,10 +693,10 @@ class Simulation:
 
     @property
     def field_names(self) -> tuple[str, ...]:
-        """Names of the fields that `fields` computes."""
-        from tripod_sim.fields import names_of  # noqa: PLC0415 - only on request
+        """Names of the fields that `fields` computes, and with `[mesh_error]` that of `mesh_error_field`."""
+        from tripod_sim.fields import MESH_ERROR, names_of  # noqa: PLC0415 - only on request
 
-        return names_of(self._system.elastic.terms)
+        return (*names_of(self._system.elastic.terms), *((MESH_ERROR,) if self._mesh_error else ()))
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:

@@ -213,21 +213,18 @@ class RecordedForces:
 
     def __init__(self, simulation: Simulation, steps: int, most: float) -> None:
         """`steps`: the most that it takes; `most`: bytes."""
-        from tripod_sim.acting_forces import UNITS  # noqa: PLC0415 - only on request
-
         simulation.keep_forces()
-        self._units, self._most = UNITS, most
-        self._there = set(simulation.force_groups)
-        self._counts: IndexArray = np.zeros((steps, len(UNITS)), dtype=np.int64)
+        self._most, self._groups = most, list(simulation.force_groups)
+        self._counts: IndexArray = np.zeros((steps, len(self._groups)), dtype=np.int64)
         self._ends: IndexArray = np.zeros(steps + 1, dtype=np.int64)
         self._rows: FloatArray = np.zeros((256, 6))
 
     def add(self, simulation: Simulation, k: int) -> None:
         """Add those of step `k`. Raises SceneError where they need too much memory."""
         groups, end = simulation.forces(), int(self._ends[k])
-        self._there.update(simulation.force_groups)  # there are more as soon as somebody applies some
+        self._add_groups(simulation.force_groups)
         for group in groups:
-            count = self._counts[k, list(self._units).index(group.name)] = len(group.points)
+            count = self._counts[k, self._groups.index(group.name)] = len(group.points)
             if end + count > len(self._rows):
                 room = 2 * (end + count)
                 if 48.0 * room > self._most:
@@ -240,15 +237,23 @@ class RecordedForces:
             end += count
         self._ends[k + 1] = end
 
+    def _add_groups(self, groups: tuple[str, ...]) -> None:
+        """Take groups in their order: there are more as soon as somebody applies forces."""
+        if len(groups) == len(self._groups):
+            return
+        counts = np.zeros((len(self._counts), len(groups)), dtype=np.int64)
+        counts[:, [groups.index(name) for name in self._groups]] = self._counts
+        self._counts, self._groups = counts, list(groups)
+
     def arrays(self, first: int, end: int) -> dict[str, Any]:
         """Return those of the steps from `first` to before `end`."""
+        from tripod_sim.acting_forces import UNITS, kind_of  # noqa: PLC0415 - only on request
+
         rows = self._rows[self._ends[first] : self._ends[end]]
-        there = [g for g, name in enumerate(self._units) if name in self._there]
-        names = [name for name in self._units if name in self._there]
         return {
-            "force_names": np.array(names, dtype=str),
-            "force_units": np.array([self._units[name] for name in names], dtype=str),
-            "force_counts": self._counts[first:end, there],
+            "force_names": np.array(self._groups, dtype=str),
+            "force_units": np.array([UNITS[kind_of(name)] for name in self._groups], dtype=str),
+            "force_counts": self._counts[first:end],
             "force_points": rows[:, :3],
             "force_vectors": rows[:, 3:],
         }

@@ -1,22 +1,32 @@
 """What the page shows beside the 3-D scene, as values by name, and what people do there, as events: one websocket.
 
-To a browser go JSON tables of the values that changed, all of them first; from it come JSON tables that
-`events.event_of` understands. The values belong to the thread of ROS, the websockets to that of the page's server.
+To a browser go JSON tables of the values that changed, all of them first, as fast as it takes them: one that sleeps
+gets the newest values when it wakes up. From it come JSON tables that `events.event_of` understands. The values belong
+to the thread of ROS, the websockets to that of the page's server.
 """
 
 import asyncio
+import contextlib
 import itertools
 import json
+from collections.abc import Iterable
 from threading import Lock
 from typing import Any, Final
 
-from websockets.asyncio.server import ServerConnection, broadcast
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from tripod_view.events import LONGEST, EventError, Inbox, Joined, Left, Nonsense, event_of
 
 PATH: Final = "/page/channel"
 """Of the websocket, behind the token."""
+
+
+class _Browser:
+    """One browser: the names of the values that it has not been sent."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.ready, self.waiting = asyncio.Event(), set(names)
 
 
 class Channel:
@@ -27,7 +37,7 @@ class Channel:
         self._lock = Lock()
         self._shown: dict[str, str] = {}
         self._changed: set[str] = set()
-        self._browsers: set[ServerConnection] = set()
+        self._browsers: set[_Browser] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._numbers = itertools.count()
 
@@ -40,36 +50,52 @@ class Channel:
                 self._changed.add(name)
 
     def flush(self) -> None:
-        """Send what changed since the last time."""
+        """Send what changed since the last time, as soon as each browser is ready."""
         with self._lock:
-            text = self._table(sorted(self._changed))
+            for browser in self._browsers:
+                browser.waiting |= self._changed
+            loop = self._loop if self._changed else None
             self._changed.clear()
-            loop = self._loop
-        if loop and text != "{}":
-            loop.call_soon_threadsafe(self._send, text)
+        if loop:
+            loop.call_soon_threadsafe(self._wake)
 
-    def _table(self, names: list[str]) -> str:
-        return "{" + ", ".join(f"{json.dumps(name)}: {self._shown[name]}" for name in names) + "}"
+    def _wake(self) -> None:
+        for browser in self._browsers:
+            browser.ready.set()
 
-    def _send(self, text: str) -> None:
-        broadcast(self._browsers, text)
+    def _take_waiting(self, browser: _Browser) -> str:
+        """Return the newest of the values for which a browser waits, as JSON."""
+        with self._lock:
+            names = sorted(browser.waiting)
+            browser.waiting.clear()
+            return "{" + ", ".join(f"{json.dumps(name)}: {self._shown[name]}" for name in names) + "}"
+
+    async def _send(self, connection: ServerConnection, browser: _Browser) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                browser.ready.clear()
+                if browser.waiting:
+                    await connection.send(self._take_waiting(browser))
+                await browser.ready.wait()
 
     async def serve(self, connection: ServerConnection) -> None:
         """Serve one browser until it leaves; runs on the thread of the server."""
         number = next(self._numbers)
         with self._lock:
             self._loop = asyncio.get_running_loop()
-            everything = self._table(sorted(self._shown))
-        self._browsers.add(connection)
+            browser = _Browser(self._shown)
+            self._browsers.add(browser)
         self._inbox.put(Joined(number))
+        sender = asyncio.create_task(self._send(connection, browser))
         try:
-            await connection.send(everything)
             async for message in connection:
                 self._take(number, message)
         except ConnectionClosed:
             pass
         finally:
-            self._browsers.discard(connection)
+            sender.cancel()
+            with self._lock:
+                self._browsers.discard(browser)
             self._inbox.put(Left(number))
 
     def _take(self, number: int, message: str | bytes) -> None:

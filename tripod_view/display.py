@@ -77,7 +77,7 @@ class Display:
         self._torques: FloatArray | None = None
         self._servos = 0
         self._table: tuple[Joint, ...] = ()
-        self._newest: Callable[[], tuple[int, FloatArray]] | None = None
+        self._newest: tuple[Callable[[], tuple[int, FloatArray]], float] | None = None
         self._nodes: FloatArray | None = None
         self._new_fields: dict[str, Callable[[], tuple[int, FloatArray]]] = {}
         self._new_forces: Sequence[Group] | None = None
@@ -115,9 +115,10 @@ class Display:
             self._surface_changed, self._newest, self._nodes = True, None, None
             self.replay.clear()
 
-    def keep_state(self, read: Callable[[], tuple[int, FloatArray]]) -> None:
-        """Keep node positions: `read` returns topology id and flat positions [m], when they are drawn."""
-        self._newest = read
+    def keep_state(self, read: Callable[[], tuple[int, FloatArray]], time: float) -> None:
+        """Keep node positions at a simulated time [s]: `read` returns topology id and flat positions [m], when they are
+        drawn."""
+        self._newest = read, time
 
     def keep_field(self, name: str, read: Callable[[], tuple[int, FloatArray]]) -> None:
         """Keep a field: `read` returns topology id and values, when they are drawn."""
@@ -235,10 +236,14 @@ class Display:
         if self._surface_changed and self.body.surface is not None:
             self._surface_changed = False
             self._scene.set_surface(self.body.surface)
-        read, self._newest = self._newest, None
-        if read is not None and (nodes := self.body.fit(*read())) is not None:
+        newest, self._newest = self._newest, None
+        if newest is None:
+            return
+        read, time = newest
+        if (nodes := self.body.fit(*read())) is not None:
             self._nodes = nodes
             self._drawn += 1
+            self._drawing.set_time(time if np.isfinite(time) else 0.0)
 
     def _draw_present(self, joints: FloatArray | None, now: float) -> None:
         if self._nodes is not None:

@@ -88,6 +88,7 @@ class Drawing:
         self._gone = 0
         self._aim: Aim | None = None
         self._aimed = self._fitted = 0
+        self._time, self._timed = 0.0, 0
 
     @contextmanager
     def picture(self) -> Iterator[None]:
@@ -103,7 +104,7 @@ class Drawing:
         - `group`: `axes`, length of the axes that are drawn [m], 0 for none;
         - `mesh`: `vertices`, shape (n, 3); `triangles`, shape (m, 3); `colour`; `deforms`: whether its vertices will
           move; `through`: whether it is seen through others, faintly; `fits`: whether the camera is fitted to it;
-          of a body that can be picked `name` and `first`, the number of its first vertex among those of all;
+          of a body that can be picked `name`, and `first`, the number of its first vertex among those of all, if any;
           of a soft one `rest`, its undeformed vertices;
         - `lines`: `vertices`, shape (2 n, 3), ends of pieces; `colour`;
         - `points`: `vertices`, shape (n, 3); `colour`; `size` [m];
@@ -157,12 +158,18 @@ class Drawing:
             if fit:
                 self._fitted = self.version
 
+    def set_time(self, time: float) -> None:
+        """Say of which simulated time the picture is [s]."""
+        with self.lock:
+            if time != self._time:
+                self._time, self._timed = time, self.version
+
     def changes(self, seen: int) -> tuple[bytes, int]:
         """Return what a browser needs that has seen version `seen`, 0 for nothing yet, and the version then.
 
         Empty bytes: nothing changed. Else the length of a JSON head (uint32), the head, arrays. The head has `nodes`
         (number and changed properties; with `kind` for a new one; an array as first byte and count of numbers),
-        `alive` (the numbers of all nodes) if one was removed, and `camera` if it is to be aimed.
+        `alive` (the numbers of all nodes) if one was removed, `camera` if it is to be aimed, `time` if that changed.
         """
         with self.lock:
             head: dict[str, Any] = {}
@@ -171,6 +178,8 @@ class Drawing:
             changed = [(node, node.properties.copy(), node.versions.copy()) for node in self._nodes.values()]
             if self._aim and self._aimed > seen:
                 head["camera"] = {**vars(self._aim), "fit": self._fitted > seen}
+            if self._timed > seen:
+                head["time"] = self._time
             if self._gone > seen:
                 head["alive"] = [node.number for node in self._nodes.values()]
         first, entries, arrays = 0, [], []

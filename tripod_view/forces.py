@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from tripod_host.arrays import FloatArray
-from tripod_view.drawing import Drawing, Node, Rgb
-from tripod_view.player.colour_maps import FORCES
+from tripod_view.drawing import Drawing, Node
+from tripod_view.player.colour_maps import force_colour
 
-OTHER: Rgb = (110, 110, 110)
-"""Colour of a group that has none of its own."""
-
-MOST_GROUPS, MOST_ARROWS = 20, 20_000
+MOST_GROUPS, MOST_ARROWS = 100, 20_000
 """Of a message."""
 
 
@@ -39,7 +36,7 @@ class DrawnForces:
             self._nodes.pop(key).remove()
         for key, group in now.items():
             if key not in self._nodes:
-                more: dict[str, Any] = {**vars(group), "colour": FORCES.get(group.name, OTHER)}
+                more: dict[str, Any] = {**vars(group), "colour": force_colour(group.name)}
                 self._nodes[key] = self._drawing.add(f"/forces/{group.name}", "arrows", **more)
             self._nodes[key].set("points", group.points)
             self._nodes[key].set("vectors", group.vectors)

@@ -73,7 +73,7 @@ class Game:
             self._ball = self._drawing.add("/ball", "group", axes=0.0)
             self._ball.visible = False
             for i, (shape, colour) in enumerate(zip(ball(COVER * radius), BALL, strict=True)):
-                self._drawing.mesh(f"/ball/{i}", *shape, colour, through=True)
+                self._drawing.mesh(f"/ball/{i}", *shape, colour, through=True, name="ball")
 
     def place_ball(self, pose: Pose) -> None:
         """Put the ball at `pose`."""

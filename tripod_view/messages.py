@@ -25,7 +25,7 @@ LARGEST_BALL = 1.0
 """Radius of the largest ball that is drawn [m]."""
 
 
-LONGEST_NAME = 40
+LONGEST_NAME = 100
 """Of a group of forces [characters]."""
 
 

@@ -279,7 +279,7 @@ class ViewNode(Node):
             self._refuse(names.BALL_SHAPE, error)
 
     def _on_body_state(self, message: BodyState) -> None:
-        self._display.keep_state(lambda: state_of(message))
+        self._display.keep_state(lambda: state_of(message), message.time)
 
     def _on_field(self, name: str, message: Field) -> None:
         if message.unit != (unit := self._fields.get(name)):

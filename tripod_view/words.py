@@ -97,7 +97,7 @@ def sim_line(status: SimFields) -> Line:
         0: (Light.WATCH, f"slower than real time: {steps}") if slow else (Light.GOOD, f"real time: {steps}"),
         1: (Light.WATCH, "paused"),
         2: (Light.WATCH, "holds: no commands come in"),
-        3: (Light.GOOD, "parked: waits for commands"),
+        3: (Light.GOOD, "parked (in the park pose, or on the way): waits for commands"),
         4: (Light.BAD, f"failed: {status.message or 'no reason given'}"),
     }
     return Line(*_stated("Simulator", status.state, texts))

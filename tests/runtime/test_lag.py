@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.messages import assert_names, names
-from tripod_runtime.lag import FULL, LASTING, QUIET, LagMonitor, proposal
+from tripod_runtime.lag import FULL, LASTING, LONGEST_HINT, QUIET, LagMonitor, Proposal, proposal
 from tripod_runtime.realtime import Speed
 from tripod_study.accuracy.choice import choose
 
@@ -49,13 +49,13 @@ def study(tmp_path: Path) -> Callable[..., Path]:
 
 
 def test_the_setting_that_real_time_takes_is_proposed_with_what_is_lost(study: Callable[..., Path]) -> None:
-    told = proposal("tripod", SET, study=study(), speed=speed_of_the_study)
+    told = proposal("tripod", SET, study=study(), speed=speed_of_the_study).words
     assert_names(
         told, "--accuracy real-time", "page", "mesh.element=h8_modes", "inertia.scheme=bdf2", "dt=0.005"
     )
     assert_names(told, "about 2 %", "instead of 1 %", "measured")
     assert not names(told, "mesh.level=1"), "which stays"
-    told = proposal("tripod", SET, study=study(error=0.0101), speed=speed_of_the_study)
+    told = proposal("tripod", SET, study=study(error=0.0101), speed=speed_of_the_study).words
     assert names(told, "about 1 %") and not names(told, "instead of")
     taken = choose("tripod", "real-time", study=study(), speed=speed_of_the_study)
     assert taken.settings == CHEAP, "and that is what the option takes"
@@ -65,7 +65,7 @@ def test_what_the_setting_takes_the_place_of_is_named(study: Callable[..., Path]
     """`--accuracy` gives way to `--set`: who set it must leave it out."""
     told = proposal(
         "tripod", ("dt=0.001", *SET, "material.young=1e5"), study=study(), speed=speed_of_the_study
-    )
+    ).words
     assert_names(told, "dt=0.005", "in place of dt=0.001")
     assert not names(told, "material.young=1e5"), "which goes with it"
     assert_names(told, "error not known")
@@ -89,14 +89,14 @@ def test_what_the_setting_takes_the_place_of_is_named(study: Callable[..., Path]
 def test_where_there_is_none_it_says_why(
     source: str, words: tuple[str, ...], cpu: Any, named: tuple[str, ...], study: Callable[..., Path]
 ) -> None:
-    told = proposal(source, words, study=study(*cpu) if cpu else None, speed=speed_of_the_study)
+    told = proposal(source, words, study=study(*cpu) if cpu else None, speed=speed_of_the_study).words
     assert_names(told, *named)
 
 
 class Log:
     """A monitor on a clock of the test, a second from look to look, and what it says."""
 
-    def __init__(self, propose: Callable[[], str] = lambda: "take less") -> None:
+    def __init__(self, propose: Callable[[], Proposal] = lambda: Proposal("take less", "real-time")) -> None:
         self.lines: list[str] = []
         self.monitor, self.now = LagMonitor(propose, self.lines.append), 100.0
 
@@ -143,7 +143,7 @@ def test_a_setting_that_becomes_too_slow_later_is_told_then() -> None:
 
 def test_a_busy_machine_is_no_fault_of_the_setting() -> None:
     asked = list[int]()
-    log = Log(lambda: str(asked.append(1)))
+    log = Log(lambda: Proposal(str(asked.append(1))))
     log.look(BUSY, LASTING - 1)
     assert not log.lines, "it may be over soon"
     log.look(BUSY)
@@ -177,13 +177,27 @@ def test_a_load_near_the_limit_does_not_turn_the_advice_to_and_fro() -> None:
     assert_names(both, "machine", "busy")
 
 
+@pytest.mark.parametrize("option", ["real-time", "draft", ""])
+def test_a_page_is_told_in_short_what_its_user_can_do(option: str) -> None:
+    log = Log(lambda: Proposal("one cheaper setting " * 20, option))
+    assert log.monitor.hint(IN_TIME) == ""
+    assert_names(log.monitor.hint(BUSY), "0.62", "close", "speed")
+    log.look(SLOW)
+    log.wait(1)
+    told = log.monitor.hint(SLOW)
+    assert_names(told, "0.31", "lower", "speed")
+    assert names(told, f"--accuracy {option}") == bool(option)
+    assert names(log.monitor.hint(BUSY), "close") and not names(log.monitor.hint(BUSY), "--accuracy")
+    assert max(len(told), len(log.monitor.hint(BUSY))) <= LONGEST_HINT
+
+
 def test_nothing_is_said_after_the_end() -> None:
     go_on, begun = threading.Event(), threading.Event()
 
-    def propose() -> str:
+    def propose() -> Proposal:
         begun.set()
         assert go_on.wait(DEADLINE)
-        return "take less"
+        return Proposal("take less")
 
     log = Log(propose)
     log.look(SLOW)

@@ -14,7 +14,7 @@ pytest.importorskip("tripod_msgs")
 from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
+from tripod_msgs.msg import ControlMode, Field, RobotStatus, SimStatus
 
 from tests.decisions import SOURCE
 from tests.messages import assert_names, lines_naming
@@ -24,6 +24,7 @@ from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_runtime import messages, transforms
 from tripod_runtime.notices import notices
 from tripod_sim import Simulation, load_scene
+from tripod_sim.fields import MESH_ERROR
 from tripod_sim.integrators.report import StepReport
 
 pytestmark = pytest.mark.ros
@@ -71,7 +72,7 @@ def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> Non
     found = dict(graph.ear.get_publisher_names_and_types_by_node("sim", own))
     expected = {t if t.startswith("/") else f"{own}/{t}" for t in PUBLISHED}
     shown = {topic for topic in found if "/_" not in topic}  # the topics of an action are hidden
-    silent = {names.field_topic(name) for name in graph.node._physics.simulation.fields().names}
+    silent = {names.field_topic(name) for name in graph.node._physics.simulation.field_names}
     expected |= {f"{own}/{topic}" for topic in (*silent, names.APPLIED_FORCES)}
     assert shown == expected | {"/rosout", "/parameter_events"}
 
@@ -171,7 +172,7 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
     ):
         graph.wait(lambda p=publisher: p.get_subscription_count() == 0, "the end of the subscription")
     graph.wait(
-        lambda: not (physics.want_compliance or physics.want_forces), "the end of compliances and forces"
+        lambda: not (physics.want_compliance or physics.wanted.forces), "the end of compliances and forces"
     )
     assert unheard() == dict.fromkeys(QUIET, 0)
 
@@ -204,6 +205,50 @@ def test_fields_and_forces_are_those_of_the_simulation(make) -> None:
     np.testing.assert_array_equal(
         np.reshape(told.points, (-1, 3)), np.concatenate([f.points for f in expected])
     )
+
+
+def test_the_error_of_the_mesh_is_a_field_where_the_scene_estimates_it(make) -> None:
+    assert MESH_ERROR not in Simulation(load_scene("tripod", ["mesh.level=1"])).field_names
+    graph = make(set="mesh.level=1; mesh_error={}").start()
+    simulation, topic = graph.node._physics.simulation, names.field_topic(MESH_ERROR)
+    found: list[Any] = []
+    original = simulation.mesh_error_field
+    simulation.mesh_error_field = lambda: found.append(original()) or found[-1]
+    graph.listen(names.FORCES)
+    graph.next(names.FORCES, lambda f: f.step > 10)
+    assert not found, "nobody listens"
+    every: list[Any] = []
+    ear = graph.ear.create_subscription(Field, topic, every.append, RELIABLE)
+    graph.wait(lambda: len(every) > 2, "the error of the mesh")
+    graph.pause(True)
+    step = graph.node._physics.latest.step
+    graph.step()
+    graph.wait(lambda: every[-1].step == step + 1, "the error of the step")
+    expected = original()
+    assert np.isfinite(expected).any()
+    np.testing.assert_allclose(every[-1].values, expected, rtol=1e-6)
+    assert (every[-1].unit, len(every[-1].values)) == ("m", len(simulation.skin.nodes))
+    graph.ear.destroy_subscription(ear)
+    graph.wait(lambda: not graph.node._physics.wanted.mesh_error, "the end of the subscription")
+    graph.pause(False)
+    found.clear()
+    graph.next(names.FORCES, lambda f: f.step > step + 100)
+    assert not found
+
+
+def test_forces_chosen_while_paused_come_without_a_step(make) -> None:
+    graph = make().start()
+    graph.listen(names.SIM_FIGURES)  # somebody looks at the run
+    graph.wait(lambda: graph.node._physics.watched, "the one who looks")
+    step = graph.node._physics.latest.step
+    graph.next(names.BODY_STATE, lambda b: b.step > step + 2)
+    graph.pause(True)
+    step = graph.node._physics.latest.step
+    every = graph.listen_to_all(names.FORCES)
+    told = graph.wait(lambda: every and every[-1], "forces")
+    assert (told.step, graph.node._physics.latest.step) == (step, step)
+    expected = np.concatenate([f.vectors for f in graph.node._physics.simulation.forces()])
+    np.testing.assert_array_equal(np.reshape(told.vectors, (-1, 3)), expected)
 
 
 def test_it_begins_in_stop_and_ignores_commands(make) -> None:

@@ -11,7 +11,7 @@ from tests.messages import raises_naming
 from tests.sim.actuator_scenes import BY_LENGTH, BY_TENSION, JAW, PUSH, finger
 from tripod_host.arrays import FloatArray
 from tripod_sim import SceneError, Simulation, acting_forces, load_scene
-from tripod_sim.acting_forces import UNITS, Forces
+from tripod_sim.acting_forces import ON, UNITS, Forces, kind_of
 
 G = 9.81
 STILL = ("inertia=off", "damping=off")
@@ -35,7 +35,14 @@ def at_rest(scene: str, *words: str, joints: dict[int, float] | None = None) -> 
 
 
 def groups(simulation: Simulation) -> dict[str, Forces]:
-    return {group.name: group for group in simulation.forces()}
+    """Return the forces by kind, those of all pairs of bodies together."""
+    found: dict[str, list[Forces]] = {}
+    for group in simulation.forces():
+        found.setdefault(kind_of(group.name), []).append(group)
+    return {
+        kind: Forces(kind, *(np.concatenate([own[k] for own in of]) for k in (1, 2)))
+        for kind, of in found.items()
+    }
 
 
 def total(simulation: Simulation) -> tuple[FloatArray, FloatArray]:
@@ -136,6 +143,29 @@ def test_both_of_two_bodies_that_touch_have_a_force() -> None:
     assert normal.vectors[up, 2].sum() == pytest.approx(6 * weight, rel=1e-3)
     assert normal.vectors[~up, 2].sum() == pytest.approx(-3 * weight, rel=1e-3)
     assert groups(simulation)["weight"].vectors[:, 2].tolist() == pytest.approx([-weight] * 3)
+
+
+def test_contact_forces_name_the_body_on_which_they_act_and_that_by_which(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = kept("stack")
+    for _ in range(60):
+        simulation.step()
+    found, weight = {group.name: group.vectors[:, 2].sum() for group in simulation.forces()}, 0.3 * G
+    for on, by, expected in (
+        ("rigid.0", "obstacle", 3), ("rigid.1", "rigid.0", 2), ("rigid.2", "rigid.1", 1),
+        ("rigid.0", "rigid.1", -2), ("rigid.1", "rigid.2", -1), ("rigid.2", "rigid.0", 0),
+    ):  # fmt: skip
+        assert found[f"normal force on {on} by {by}"] == pytest.approx(expected * weight, rel=2e-3, abs=1e-6)
+    assert not [name for name in found if "by itself" in name or "on obstacle" in name]
+    assert set(found) == set(simulation.force_groups)
+    cloth = kept("drape", "contact.self_contact=true")
+    assert f"friction{ON}body by itself" in cloth.force_groups
+    named = kept("two_cloths", f"body.0.name={'a/' * 40}").force_groups
+    assert not [name for name in named if "/" in name or len(name) > 100]  # which the page refuses
+    assert f"normal force{ON}ball by plate" in kept("maze", "mesh.level=1").force_groups
+    monkeypatch.setattr(acting_forces, "MOST_PAIRS", 8)  # of 9
+    assert [name for name in kept("stack").force_groups if name != "weight"] == ["normal force", "friction"]
 
 
 def test_a_rolling_body_is_touched_on_its_surface() -> None:
@@ -249,7 +279,7 @@ def test_forces_are_those_of_a_step_alone() -> None:
     simulation.keep_forces()
     assert simulation.forces() == ()
     simulation.step()
-    assert [group.name for group in simulation.forces()] == ["normal force", "friction", "weight"]
+    assert list(groups(simulation)) == ["normal force", "friction", "weight"]
     saved = simulation.save()
     simulation.restore(saved)
     assert simulation.forces() == ()

@@ -55,6 +55,8 @@ class FakeSimulator(Node):
         self.spoil = ""  # what to publish wrongly: "nan", "size" or "topology"
         self.silent = False
         self.ticks = 0  # how often its timer has called it
+        self.began = 0.0  # the steady time at which simulated time is 0 [s]
+        self.speed = 1.0  # simulated over steady time
         self.figures: dict[str, Any] = {}
         self.scene = "fake"
         self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)
@@ -149,7 +151,7 @@ class FakeSimulator(Node):
         if self.silent:
             return
         stamp = self.get_clock().now().to_msg()
-        message = BodyState(topology_id=crc32(triangles.tobytes()), time=now)
+        message = BodyState(topology_id=crc32(triangles.tobytes()), time=self.speed * (now - self.began))
         message.header.stamp, message.header.frame_id = stamp, names.WORLD
         tilt = 0.005 * joints[: self.follower.limits.count].sum()
         z = 0.004 * np.sin(60 * np.hypot(nodes[:, 0], nodes[:, 1]) - 4 * now) + tilt

@@ -4,6 +4,7 @@ import json
 import socket
 import threading
 import time
+import tracemalloc
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,6 +13,9 @@ import pytest
 
 pytest.importorskip("websockets")
 
+from websockets.sync.client import connect
+
+from tests.bringup.processes import wait_until
 from tests.messages import assert_names
 from tests.view.fake_browser import FakeBrowser
 from tripod_view.channel import Channel
@@ -106,7 +110,8 @@ class Page:
         self.drawing = Drawing()
         self.stream = Stream(self.drawing, self.inbox)
         self.mesh = self.drawing.mesh("/bodies/0", np.zeros((count, 3)), TRIANGLE, PINK, deforms=True)
-        self.server = PageServer(0, Channel(self.inbox), self.stream)
+        self.channel = Channel(self.inbox)
+        self.server = PageServer(0, self.channel, self.stream)
         self.count, self.drawn = count, 0
 
     def draw(self) -> int:
@@ -157,6 +162,38 @@ def test_who_reads_nothing_fills_no_queue(page: Page) -> None:
             last = page.draw()
             quick.wait(lambda last=last: newest(quick) == last)
         assert max(viewer.sent - viewer.taken for viewer in page.stream._viewers) <= AHEAD
+
+
+def test_who_sleeps_fills_no_memory_and_wakes_up_in_the_present(page: Page) -> None:
+    """Nothing is read of both websockets while 36 MB of tables and 12 MB of pictures are shown: those of an hour."""
+    base = page.server.url.replace("http", "ws", 1)
+    count, big = 4000, "x" * 9000
+    with (
+        connect(f"{base}/page/channel", max_queue=1) as panel,
+        connect(f"{base}/page/scene", max_queue=1, max_size=None) as scene,
+    ):
+        assert wait_until(lambda: page.stream._viewers and page.channel._browsers)
+        tracemalloc.start()
+        for number in range(count):
+            page.channel.show("number", [number, big])
+            page.channel.flush()
+            if number % 12 == 0:
+                page.draw()
+        last = page.draw()
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert most < 20e6  # [bytes]; all tables are 36 MB
+        numbers = []
+        while not numbers or numbers[-1] < count - 1:
+            numbers += [value[0] for value in (json.loads(panel.recv(60)).get("number"),) if value]
+        assert numbers == sorted(numbers)
+        assert len(numbers) < count / 3, "what came meanwhile is not made up for"
+        for _ in range(AHEAD + 1):  # those on their way, then the present
+            message = scene.recv(60)
+            scene.send(json.dumps({"took": True}))
+        size = int.from_bytes(message[:4], "little")
+        entry = next(node for node in head(message)["nodes"] if "vertices" in node)
+        assert np.frombuffer(message, "<f4", 1, 4 + size + entry["vertices"][0]) == last
 
 
 def test_hands_are_told_from_nonsense(page: Page) -> None:

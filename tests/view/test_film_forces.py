@@ -10,11 +10,12 @@ import pytest
 from tests.messages import raises_naming
 from tests.view.test_player import unpacked
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.acting_forces import UNITS
+from tripod_sim.acting_forces import CONTACT, UNITS
 from tripod_study import recording as recording_module
 from tripod_study.recording import Recording
+from tripod_view.player.colour_maps import FORCES
 from tripod_view.player.film import Arrows, Film, FilmError
-from tripod_view.player.of_run import FORCES, OBSTACLE, film_of
+from tripod_view.player.of_run import OBSTACLE, film_of
 from tripod_view.player.packing import longest, reel, stage
 from tripod_view.player.picture import ARROW, Painter
 from tripod_view.player.run_file import read_run
@@ -47,8 +48,7 @@ def test_the_arrows_of_a_picture_are_the_forces_of_its_step(bounce: tuple[Record
     steps = np.array([3, 50, 79])
     film = film_of(recording.arrays(), steps)
     assert [(a.name, a.unit) for a in film.arrows] == [
-        ("normal force", "N"),
-        ("friction", "N"),
+        *((f"{kind} on ball by obstacle", "N") for kind in CONTACT),
         ("weight", "N"),
     ]
     for g, arrows in enumerate(film.arrows):

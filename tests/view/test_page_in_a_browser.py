@@ -335,7 +335,7 @@ def drive(opened: Opened, stage: Stage) -> None:
     for key, mode in (("t", ControlMode.TELEOP), ("i", ControlMode.IK)):
         page.keyboard.press(key)
         stage.wait(lambda wanted=mode: stage.mode()[0] == wanted)
-    for label in ("Working pose", "Park"):
+    for label in ("Working pose", "Park pose"):
         opened.press("Bring target to effector", label)
         opened.text("#notice", label)
     page.locator("#stop").dispatch_event("click")
@@ -359,8 +359,8 @@ def drive_others(opened: Opened, stage: Stage) -> None:
             return len(values) == limits.size and abs(values[i] - joint.high) < 0.02 * joint.span
 
         stage.wait(is_asked, lambda name=joint.name: f"{name} was not commanded")
-    opened.press("Park")
-    opened.text("#notice", "Park")
+    opened.press("Park pose")
+    opened.text("#notice", "Park pose")
     opened.page.keyboard.press(" ")
     stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
 
@@ -399,6 +399,48 @@ def test_notes_on_the_scene_stay_beside_what_is_told(stage: Stage, browser: Any)
         opened.text("#notice", "machine too slow")
         opened.text("#notes", "time_error.accuracy = 0.05", "not promised")
         opened.wait("!document.querySelector('#notes').textContent.includes('pressure')")
+        assert opened.errors == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_messages_shift_nothing(stage: Stage, browser: Any, size: str) -> None:
+    show(stage.sim, "maze")
+    tops = "[...document.querySelectorAll('#panel .card')].map((card) => card.offsetTop).join()"
+    with Opened(browser, stage, size) as opened:
+        opened.text("#panel h1", "maze")
+        opened.wait("document.querySelector('#mode').textContent")
+        opened.press("Drive by sliders and keys")
+        stage.wait(lambda: stage.mode() and stage.mode()[0] == ControlMode.TELEOP)
+        opened.text("#mode", "sliders")
+        opened.wait("document.querySelector('#run').textContent")
+        before = opened.page.evaluate(tops)
+        long = "slower than real time: " + 20 * "lower the speed, "
+        show(stage.sim, "maze", event="goal reached at 3.20 s", notice=long, notes=(long, long))
+        opened.text("#event.good", "3.20 s")
+        opened.text("#notice", "lower")
+        opened.page.keyboard.press("Escape")
+        stage.wait(lambda: stage.mode() and stage.mode()[0] == ControlMode.STOP)
+        opened.text("#mode", "off", "holds")
+        assert opened.page.evaluate(tops) == before
+        assert opened.errors == []
+
+
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (1000, 700), (420, 800)])
+def test_the_start_card_covers_no_legend(stage: Stage, browser: Any, width: int, height: int) -> None:
+    show(stage.sim, "silicone")
+    with Opened(browser, stage, "screen") as opened:
+        opened.page.set_viewport_size({"width": width, "height": height})
+        opened.wait("document.querySelector('#colour option[value=von_mises]')")
+        opened.page.locator("#colour").select_option("von_mises")
+        opened.wait("!document.querySelector('#legend').hidden")
+        apart = """(aside) => {
+            const start = document.querySelector("#start");
+            const legend = document.querySelector("#legend").getBoundingClientRect();
+            start.classList.toggle("aside", aside);
+            const { left, top, right, bottom } = start.getBoundingClientRect();
+            return right <= legend.left || left >= legend.right || bottom <= legend.top || top >= legend.bottom;
+        }"""
+        assert [opened.page.evaluate(apart, aside) for aside in (False, True)] == [True, True]
         assert opened.errors == []
 
 
@@ -685,7 +727,50 @@ def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, bro
         ]
         opened.press("Plot")
         opened.text("#plots", f"{found[1]}, node {node}")
+        headings = "[...document.querySelectorAll('.plot h2')].map((e) => e.firstChild.textContent)"
+        opened.wait(f"{headings}.includes('energies [mJ]')")
+        assert not [text for text in opened.page.evaluate(headings) if "servo" in text], "it has none"
         assert opened.errors == []
+
+
+def test_the_ball_is_clicked_and_plotted_with_its_contact_force(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.03)  # large enough to be hit
+    forces = stage.sim.create_publisher(Forces, names.FORCES, RELIABLE)
+    names_of = ["normal force on ball by plate", "normal force on plate by ball", "friction on ball by plate"]
+    told_forces = Forces(names=names_of, units=["N"] * 3, counts=[1, 1, 1], points=[0.0] * 9)
+    told_forces.vectors = array("d", [0.0, 0.0, 0.4, 0.0, 0.0, -0.4, 0.3, 0.0, 0.0])
+    began = time.monotonic()
+
+    def roll() -> None:
+        """Roll at 10 mm/s."""
+        stage.sim.publish_ball(0.01 * (time.monotonic() - began) % 1e-1 - 0.05, 0.0, 0.05)
+        forces.publish(told_forces)
+
+    timer = stage.sim.create_timer(0.02, roll)
+    try:
+        with Opened(browser, stage, "screen") as opened:
+            opened.text("#panel h1", "maze")
+            opened.press("Just watch", "Top")
+            opened.wait("document.querySelector('#follow option[value=\"/ball\"]')")
+            opened.page.locator("#follow").select_option(label="follow ball")
+            left, top, right, bottom = stage_box(opened)
+            opened.page.wait_for_timeout(500)
+            opened.page.mouse.click(0.5 * (left + right), 0.5 * (top + bottom))
+            opened.wait("document.querySelector('#picked').textContent.startsWith('ball at')")
+            opened.wait("document.querySelector('#picked').textContent.includes('speed')")
+            speed = re.search(r"speed ([\d.]+) mm/s", opened.page.locator("#picked").text_content() or "")
+            assert speed
+            assert float(speed[1]) == pytest.approx(10, rel=0.6)
+            opened.press("Plot")
+            opened.text("#picked", "contact force", "0.5 N")
+            opened.text("#plots", "ball, speed", "ball, contact force")
+            opened.text("#arrows", "ball by plate", "plate by ball")
+            assert opened.errors == []
+    finally:
+        stage.wait(lambda: timer.cancel() or True)
+        stage.destroy(forces)
+        stage.sim.publish_game(False)
 
 
 def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: Stage, browser: Any) -> None:
@@ -707,10 +792,29 @@ def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: St
         with page.expect_download() as download:
             page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
         assert download.value.suggested_filename == "effector_ z.csv"
-        head, *rows = Path(download.value.path()).read_text().splitlines()
-        assert next(csv.reader([head])) == ["time [s]", "simulated time [s]", "z [mm]", "x [mm]"]
-        times = np.array([row.split(",")[0] for row in rows], float)
+        page.locator("#more").select_option(label="energies: total")
+        parts = [stage.sim.figures["energy"][part] for part in ("kinetic", "strain", "gravity")]
+        opened.text(".plot:last-of-type .legend", "total", f"{1e3 * sum(parts):.4g}")
+        before = time.monotonic()
+        stage.sim.began, stage.sim.speed = before, 10.0  # a reset, then faster than real time
+
+        def columns() -> np.ndarray:
+            """Return simulated times and those of the page [s] of the numbers in the plot, shape (2, k)."""
+            page.wait_for_timeout(2500)  # the browser refuses many downloads one after the other
+            with page.expect_download() as download:
+                page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
+            head, *rows = Path(download.value.path()).read_text().splitlines()
+            assert next(csv.reader([head])) == ["time [s]", "page time [s]", "z [mm]", "x [mm]"]
+            return np.array([row.split(",")[:2] for row in rows], float).T
+
+        def restarted() -> tuple[np.ndarray, np.ndarray] | None:
+            times, pages = columns()
+            return (times, pages) if times[0] < 0.5 * before and np.ptp(pages) > 2 else None
+
+        times, pages = stage.wait(restarted)
         assert (np.diff(times) > 0).all()
+        assert np.ptp(times) / np.ptp(pages) == pytest.approx(10, rel=0.4)  # a few pictures a second
+        stage.sim.began, stage.sim.speed = 0.0, 1.0
         with page.expect_download() as download:
             page.locator("[aria-label='save the plot: effector: z']").dispatch_event("click")
         assert Path(download.value.path()).read_bytes()[:4] == b"\x89PNG"
@@ -775,6 +879,10 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         page.locator("#colour").select_option("von_mises")
         until(opened, lambda: stress.publish(field), f"{limits} === '100,5000'")
         opened.text("#legend", "von Mises", "Pa", f"1 of {count}")
+        opened.text("#legend-largest", "largest", "5 kPa")
+        before = place(opened, "x")
+        page.locator("#legend-largest").click()
+        stage.wait(lambda: place(opened, "x") != before)
         page.locator("#legend-high").fill("4000")
         page.locator("#legend-high").press("Enter")
         opened.wait("document.querySelector('#legend-fixed').getAttribute('aria-pressed') === 'true'")
@@ -787,6 +895,7 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         opened.press("Forces")
         until(opened, lambda: forces.publish(load), "document.querySelector('#arrows input')")
         opened.text("#arrows", "load", "2.5 N")
+        assert re.search(r"mm = [\d.]+ N", page.locator("#arrows").inner_text())
         assert page.locator("#arrows input").is_checked()
         page.locator("#arrows input").uncheck()
         opened.press("Forces")

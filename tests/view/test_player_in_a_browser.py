@@ -21,6 +21,7 @@ from tests import messages
 from tests.view.test_player import EVENT, coloured
 from tripod_view.player.film import Arrows, Film
 from tripod_view.player.html import write_html
+from tripod_view.player.packing import stage
 
 CHROMIUM = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), "")
 FLAGS = (
@@ -227,6 +228,10 @@ def test_mesh_path_and_forces_are_switched_on_and_off(player: Player) -> None:
     assert player.changes(page.locator("#arrow-0").check)
     player.wait("document.querySelector('#arrows').textContent.includes('2.5')")
     messages.assert_names(page.locator("#arrows label").inner_text(), "load", "2.5 N")
+    drawn = re.search(r"([\d.]+) mm = ([\d.]+) N", page.locator("#arrows label").inner_text())
+    assert drawn
+    longest = 0.4 * stage(shown_film())["camera"]["radius"]  # [m]
+    assert float(drawn[1]) / float(drawn[2]) == pytest.approx(1e3 * longest / 2.5, rel=0.05)
     page.locator("#arrow-0").uncheck()
 
 
@@ -265,6 +270,48 @@ def test_the_surface_is_coloured_in_a_range_that_one_fixes(player: Player) -> No
     assert not page.locator("#legend").is_visible()
 
 
+def test_the_largest_value_is_told_marked_and_looked_at(player: Player) -> None:
+    page = player.page
+    page.locator("#colour").select_option("heat")
+    text = page.locator("#legend-largest")
+    player.wait("!document.querySelector('#legend-largest').hidden")
+    assert re.fullmatch(r"largest (69\.\d|70) K", text.inner_text())
+    page.keyboard.press("End")
+    player.clock("1.50")
+    player.wait("document.querySelector('#legend-largest').textContent.includes(' 3')")
+
+    def ring() -> np.ndarray:
+        """Return the middle of what the ring changes in the picture [px]."""
+        with_it = player.pixels()
+        page.evaluate("""() => {
+            View.prototype.placeRing = function () { this.ring.visible = false; };
+            dispatchEvent(new Event("resize"));
+        }""")
+        changed = np.argwhere((np.abs(player.pixels() - with_it) > 0.05).any(axis=2))
+        page.evaluate("""() => {
+            View.prototype.placeRing = window.ringPlaced;
+            dispatchEvent(new Event("resize"));
+        }""")
+        assert 40 < len(changed) < 600
+        assert np.ptp(changed, axis=0).max() < 30
+        return changed.mean(axis=0)
+
+    page.evaluate("() => { window.ringPlaced = View.prototype.placeRing }")
+    before = ring()
+    text.click()
+    box = page.locator("#picture").bounding_box()
+    middle = np.array([0.5 * box["height"] - 110, 0.5 * box["width"]])
+    assert np.abs(ring() - middle).max() < 4
+    assert np.abs(before - middle).max() > 40
+    page.locator("#colour").select_option("")
+    plain = player.pixels()
+    page.evaluate("""() => {
+        View.prototype.placeRing = function () { this.ring.visible = false; };
+        dispatchEvent(new Event("resize"));
+    }""")
+    assert same(player.pixels(), plain), "nothing is marked without a colour"
+
+
 def test_how_far_nodes_moved_is_a_colour(player: Player) -> None:
     positions = shown_film().bodies[0].positions
     player.page.locator("#colour").select_option("moved since the first picture")
@@ -299,6 +346,48 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     np.testing.assert_allclose(table[:, 1:], 1e3 * shown_film().bodies[0].positions[:, node], atol=0.01)
     page.locator("#picture").click(position={"x": 30, "y": box["height"] - 120})
     player.wait("!document.querySelector('#plot-picked').checkVisibility()")
+
+
+def test_forces_that_are_rounding_are_told_but_not_drawn(browser: Any, tmp_path: Path) -> None:
+    (load,) = shown_film().arrows
+    path = tmp_path / "rounding.html"
+    tiny = replace(load, name="friction", vectors=1e-7 * load.vectors)
+    write_html(replace(shown_film(), arrows=(load, tiny)), path)
+    player = Player(browser, path)
+    before = player.pixels()[40:]  # below the boxes
+    player.page.locator("#arrow-1").check()
+    assert same(player.pixels()[40:], before)
+    messages.assert_names(player.page.locator("#arrows label").nth(1).inner_text(), "friction", "2.5e-7 N")
+    player.page.locator("#arrow-0").check()
+    assert not same(player.pixels()[40:], before)
+    player.page.close()
+    assert player.errors == []
+
+
+def test_the_ball_is_clicked_and_plotted_with_its_contact_force(browser: Any, tmp_path: Path) -> None:
+    names = ("normal force on ball by plate", "friction on ball by plate", "friction on plate by ball")
+    forces = tuple(
+        Arrows(name, "N", (0, 90, 0), np.ones(4, int), np.zeros((4, 3)), np.tile(vector, (4, 1)))
+        for name, vector in zip(names, ([0.0, 0.0, 0.4], [0.3, 0.0, 0.0], [-0.3, 0.0, 0.0]), strict=True)
+    )
+    path = tmp_path / "ball.html"
+    write_html(replace(shown_film(), arrows=forces), path)
+    player = Player(browser, path)
+    page, box = player.page, player.page.locator("#picture").bounding_box()
+    page.locator("#follow").select_option(label="follow ball")
+    page.locator("#top").click()
+    page.locator("#picture").click(position={"x": 0.5 * box["width"], "y": 0.5 * box["height"]})
+    player.wait("document.querySelector('#picked').textContent.startsWith('ball at [0.05, 0, 0.06]')")
+    told = page.locator("#picked").inner_text()
+    messages.assert_names(told, "speed 100 mm/s", "contact force 0.5 N")  # 0.1 m/s; 0.4 N and 0.3 N
+    page.locator("#plot-picked").click()
+    assert player.plots()[1:] == ["ball [mm]", "ball, speed [mm/s]", "ball, contact force [N]"]
+    _, content = player.download(page.locator("[aria-label='save the numbers: ball, speed']").click)
+    assert [float(row.split(",")[1]) for row in content.decode().splitlines()[1:]] == pytest.approx(
+        [100] * 4, rel=1e-3
+    )
+    page.close()
+    assert player.errors == []
 
 
 def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:

@@ -31,7 +31,7 @@ from tripod_graph import names
 from tripod_graph.joint import Joint
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_view.body import BodyError
-from tripod_view.messages import ForcesError, groups_of, maze_of
+from tripod_view.messages import LONGEST_NAME, ForcesError, groups_of, maze_of
 
 pytestmark = pytest.mark.ros
 
@@ -641,7 +641,7 @@ def test_fields_and_forces_are_heard_only_while_a_browser_shows_them(
         ({"counts": [1, 1]}, ("2 counts",)),
         ({"counts": [4294967295]}, ("4294967295 forces",)),
         ({"names": ["a/b"]}, ("name",)),
-        ({"names": ["x" * 41]}, ("name",)),
+        ({"names": ["x" * (LONGEST_NAME + 1)]}, ("name",)),
         ({"units": []}, ("0 units",)),
         ({"points": [0.0, np.nan, 0.0]}, ("coordinate", "not finite")),
         ({"vectors": [np.inf, 0.0, 0.0]}, ("component", "not finite")),

@@ -1,6 +1,7 @@
 """Model to what all bodies in contact share: obstacles from files, the start of rigid bodies, the stepper."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,7 +47,7 @@ def obstacle_shapes(obstacles: Sequence[Obstacle]) -> list[Shape]:
 
 def obstacle_parts(obstacles: Sequence[Obstacle]) -> list[Part]:
     """Return the surfaces with which the obstacles of a scene touch. Raises SceneError, naming file and line."""
-    return [shape.part for shape in obstacle_shapes(obstacles)]
+    return [replace(shape.part, name="obstacle") for shape in obstacle_shapes(obstacles)]
 
 
 def upward(gravity: Vector | None) -> FloatArray:

@@ -52,6 +52,7 @@ class ContactSolver:
         kinematic: The bodies of servos; None for none.
         bodies: All of these, in this order.
         ranges: The surface vertices of each of them.
+        parts: All surfaces, in the order of `bodies`, then obstacles.
         obstacles: Vertices of what never moves [m], shape (k, 3).
         positions: Of all surface vertices at the start of the step [m].
         contacts: Of the last step.
@@ -108,7 +109,8 @@ class ContactSolver:
         if kinematic:
             moving.append((kinematic, kinematic.parts))
         self.bodies = [body for body, _ in moving]
-        self.surfaces, self.positions = join([part for _, own in moving for part in own] + obstacles)
+        self.parts = [part for _, own in moving for part in own] + obstacles
+        self.surfaces, self.positions = join(self.parts)
         ends = np.cumsum([0, *(len(body.base) for body in self.bodies)]).tolist()
         self.ranges = [slice(*of) for of in pairwise(ends)]
         self.obstacles, n = self.positions[ends[-1] :].copy(), len(self.positions)

@@ -44,7 +44,7 @@ class RigidSet:
     @property
     def parts(self) -> list[Part]:
         """The surfaces with which they touch, about their centres."""
-        return [s.part for s in self.shapes]
+        return [replace(s.part, name=field) for s, field in zip(self.shapes, self.fields, strict=True)]
 
     def placed(self, number: int, state: RigidMotion) -> Part:
         """Return the surface of one of them where it is."""

@@ -100,5 +100,7 @@ def servo_bodies(joints: Joints) -> ServoBodies:
     body, parts = box(SIZE).part, list[Part]()
     for arm in joints.arms:
         hung = body.vertices - [0.0, 0.0, 0.5 * SIZE[2]]
-        parts.append(Part(arm.hub + hung @ arm.frame.T, body.triangles, rigid=True, kinematic=True))
+        parts.append(
+            Part(arm.hub + hung @ arm.frame.T, body.triangles, rigid=True, kinematic=True, name="servo body")
+        )
     return ServoBodies(parts, np.array([arm.inward for arm in joints.arms]), joints.slide)

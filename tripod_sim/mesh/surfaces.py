@@ -25,6 +25,7 @@ class Part:
         radius: Of the sphere about each point of it [m]; positive for a ball, a vertex, and for a capsule, a segment.
         self_contact: Whether it may touch itself.
         kinematic: Whether its motion is prescribed: rigid bodies alone meet it.
+        name: For people.
     """
 
     vertices: FloatArray
@@ -36,6 +37,7 @@ class Part:
     radius: float = 0.0
     self_contact: bool = False
     kinematic: bool = False
+    name: str = "body"
 
     @property
     def reach(self) -> float:

@@ -68,6 +68,7 @@ def surfaces(assembly: Assembly, contact: Contact) -> list[Surface]:
                 [b.solid is not None for b in together], [len(b.mesh.surface) for b in together]
             ),
             self_contact=contact.self_contact,
+            name=" and ".join(b.table.name for b in together),
         )
         names = " and ".join(repr(b.table.name) for b in together)
         name = "the body" if len(assembly.bodies) == 1 else f"body {names}"

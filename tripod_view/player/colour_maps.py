@@ -27,4 +27,12 @@ FORCES: dict[str, tuple[int, int, int]] = {
     "load": (44, 140, 44),
     "weight": (110, 110, 110),
 }
-"""Colours of groups of forces."""
+"""Colours of kinds of forces."""
+
+OTHER = (110, 110, 110)
+"""Colour of a kind that has none of its own."""
+
+
+def force_colour(group: str) -> tuple[int, int, int]:
+    """Return the colour of a group of forces: that of its kind, which its name begins with, before ` on `."""
+    return FORCES.get(group.partition(" on ")[0], OTHER)

@@ -3,6 +3,7 @@
 Nothing is simulated or read again: what the arrays do not hold is not shown.
 """
 
+import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +17,7 @@ from tripod_graph.joint import ANSWERS, EFFORT_UNITS, POSITION_UNITS, SHOWN
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.cable import TAUT_COLOUR, radius, tube, tube_triangles
-from tripod_view.player.colour_maps import FORCES
+from tripod_view.player.colour_maps import force_colour
 from tripod_view.player.film import (
     Arrows,
     Colouring,
@@ -149,7 +150,7 @@ def film_of(
         bodies=(*_bodies(arrays, shown[steps], scene, numbers), *_cables(arrays, shown, steps)),
         pieces=tuple(_pieces(arrays, steps, scene)),
         curves=tuple(_curves(arrays, steps, scene)),
-        arrows=tuple(_arrows(arrays, steps)),
+        arrows=tuple(_arrows(arrays, steps, scene)),
         events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
         colouring=colouring,
     )
@@ -380,11 +381,18 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     if "energies" in arrays:
         joules = arrays["energies"][steps]
         unit, scale = ("J", 1.0) if np.abs(joules).max() >= 1 else ("mJ", 1e3)
-        found.append(Curve("energies", unit, ("kinetic", "strain", "gravity"), scale * joules))
+        values = np.column_stack([joules.sum(axis=1), joules])
+        found.append(Curve("energies", unit, ("total", "kinetic", "strain", "gravity"), scale * values))
     return found
 
 
-def _arrows(arrays: Arrays, steps: NDArray[np.int64]) -> list[Arrows]:
+def _with_names(group: str, scene: Mapping[str, Any]) -> str:
+    """Return the name of a group of forces with rigid bodies named as the film names them."""
+    names = _rigid_names(scene)
+    return re.sub(r"\brigid\.(\d+)", lambda found: names[int(found[1])], group)
+
+
+def _arrows(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Arrows]:
     """Return the forces on the bodies, as far as they were recorded."""
     if "force_counts" not in arrays:
         return []
@@ -393,10 +401,9 @@ def _arrows(arrays: Arrays, steps: NDArray[np.int64]) -> list[Arrows]:
     for g, (name, unit) in enumerate(zip(arrays["force_names"], arrays["force_units"], strict=True)):
         own = counts[steps, g]
         rows = np.repeat(ends[steps, g] - own.cumsum(), own) + np.arange(own.sum())
-        colour = FORCES.get(str(name), OBSTACLE)
-        found.append(Arrows(
-            str(name), str(unit), colour, own, arrays["force_points"][rows], arrays["force_vectors"][rows]
-        ))  # fmt: skip
+        points, vectors = arrays["force_points"][rows], arrays["force_vectors"][rows]
+        shown, colour = _with_names(str(name), scene), force_colour(str(name))
+        found.append(Arrows(shown, str(unit), colour, own, points, vectors))
     return found
 
 

@@ -33,7 +33,7 @@ class FilmColours extends Colours {
     for (const [b, f] of field.of) {
       if (f < 0) this.film.displacement(b, moment, this.values[b]); else this.film.values(b, f, moment, this.values[b]);
     }
-    this.paint(field.of.map(([b]) => [this.view.bodies[b], this.values[b]]));
+    this.paint(field.of.map(([b]) => [this.view.bodies[b], this.values[b], b]));
   }
 
   // The value at a node of a body, in words; empty where there is none.
@@ -85,7 +85,7 @@ async function main() {
   const main = ["ball", "effector", "maze", ...movers.keys()].find((name) => movers.has(name)); // whose path is drawn
   byId("follow").value = followed;
   byId("follow").addEventListener("change", (e) => { followed = e.target.value; redraw(); });
-  const boxes = new ForceBoxes(byId("arrows"), false, redraw);
+  const boxes = new ForceBoxes(byId("arrows"), false, view, redraw);
   const then = (act) => () => { act(); redraw(); };
   const all = (actions) => Object.fromEntries(Object.entries(actions).map(([name, act]) => [name, then(act)]));
   const cameras = all(cameraActions(view)), more = all({
@@ -143,7 +143,7 @@ async function main() {
     boxes.offer(stage.arrows);
     stage.arrows.forEach((arrow, a) => {
       const { points, vectors } = film.arrows[a][moment[0]], on = boxes.has(arrow.name), none = new Float32Array(0);
-      view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.arrowScale(arrow.longest));
+      view.point(arrow.name, on ? points : none, on ? vectors : none, arrow.colour, view.scaleOf(arrow, stage.arrows));
     });
     view.trail(showPath ? film.path(movers.get(Number(followed) ? stage.pieces[followed].name : main), moment) : []);
     view.render();
@@ -167,12 +167,37 @@ async function main() {
 
   // ---- a node that is clicked
 
+  // Size of the sum of the contact forces on a body in picture i [N]; NaN where they were not recorded.
+  function contactForce(name, i) {
+    const of = stage.arrows.flatMap((arrow, a) => (arrow.name.includes(` on ${name} by `) ? [film.arrows[a][i].vectors] : []));
+    const sum = [0, 0, 0];
+    for (const vectors of of) vectors.forEach((v, k) => { sum[k % 3] += v; });
+    return of.length ? Math.hypot(...sum) : NaN;
+  }
+
+  // Mean speed of piece p from the picture before number i to the one behind it [m/s].
+  function speed(p, i) {
+    const [a, b] = [Math.max(i - 1, 0), Math.min(i + 1, film.length - 1)], [one, two] = [film.poses[p][a], film.poses[p][b]];
+    return Math.hypot(...[0, 1, 2].map((k) => two[k] - one[k])) / (film.times[b] - film.times[a]);
+  }
+
+  const contactWords = (name, i) => {
+    const force = contactForce(name, i);
+    return Number.isFinite(force) ? `; contact force ${shown2(force)} N` : "";
+  };
+
   function tellPicked(moment) {
     if (!picked.length) return;
+    const p = picked[0] - stage.bodies.length;
+    if (p >= 0) {
+      const pose = film.pose(p, moment), { name } = stage.pieces[p], at = pose?.slice(0, 3).map((v) => Number(v.toPrecision(5)));
+      byId("picked").textContent = pose ? `${name} at [${at.join(", ")}] m; speed ${shown2(1e3 * speed(p, moment[0]))} mm/s${contactWords(name, moment[0])}` : `${name}: not there`;
+      return;
+    }
     const [b, node] = picked, place = new Float64Array(3 * stage.bodies[b].nodes);
     film.nodes(b, moment, [0, 0, 0], place);
     const at = [0, 1, 2].map((a) => Number(place[3 * node + a].toPrecision(5))), value = colours.at(b, node);
-    byId("picked").textContent = `${stage.bodies[b].name}, node ${node} at [${at.join(", ")}] m${value ? `; ${value}` : ""}`;
+    byId("picked").textContent = `${stage.bodies[b].name}, node ${node} at [${at.join(", ")}] m${value ? `; ${value}` : ""}${contactWords(stage.bodies[b].name, moment[0])}`;
   }
 
   onPick(view, (hit) => {
@@ -183,12 +208,27 @@ async function main() {
   });
   byId("plot-picked").addEventListener("click", () => { plotNode(...picked); redraw(); });
 
+  function plotContact(name) {
+    if (!stage.arrows.some((arrow) => arrow.name.includes(` on ${name} by `))) return;
+    const title = `${name}, contact force`;
+    plots.show(title, [plots.offer(title, "contact force", "N", (i) => contactForce(name, i))]);
+  }
+
+  function plotPiece(p) {
+    const { name } = stage.pieces[p], title = `${name}, speed`;
+    plots.show(name, ["x", "y", "z"].map((axis, a) => plots.offer(name, axis, "mm", (i) => 1000 * film.poses[p][i][a])));
+    plots.show(title, [plots.offer(title, "speed", "mm/s", (i) => 1000 * speed(p, i))]);
+    plotContact(name);
+  }
+
   function plotNode(b, node) {
+    if (b >= stage.bodies.length) { plotPiece(b - stage.bodies.length); return; }
     const title = `${stage.bodies[b].name}, node ${node}`;
     plots.show(title, ["x", "y", "z"].map((axis, a) => plots.offer(title, axis, "mm", (i) => {
       const { low, step, whole } = film.bodies[b][i];
       return 1000 * (low[a] + step[a] * whole[3 * node + a]);
     })));
+    plotContact(stage.bodies[b].name);
   }
 
   splitAt(byId("split"), (width) => { byId("panels").style.width = `${width}px`; redraw(); });

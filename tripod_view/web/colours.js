@@ -1,7 +1,26 @@
 "use strict";
 // Colours of a field with their legend, and boxes for forces: what films and the live page have in common.
 
+const SCALE_SHARE = 0.15; // length that the legend of arrows tells, at most, over the radius of the scene
+const SAME = 1e-3; // values that differ by less than that part are one
+const shown2 = (v) => String(Number(v.toPrecision(2)));
 const shown = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(3))) : "–");
+
+const LARGE = [["Pa", 1e6, "MPa"], ["Pa", 1e3, "kPa"], ["J/m³", 1e6, "MJ/m³"], ["J/m³", 1e3, "kJ/m³"]];
+
+// A value in words.
+function amount(value, unit) {
+  if (unit === "m" && Number.isFinite(value)) return length(value);
+  const [, factor, name] = LARGE.find(([of, least]) => of === unit && Math.abs(value) >= least) ?? [unit, 1, unit];
+  return `${shown(value / factor)} ${name}`.trim();
+}
+
+// Numbers of the vertices of the surface of a body.
+function surface(body) {
+  const { index } = body.geometry;
+  if (body.faces !== index) Object.assign(body, { faces: index, surface: [...new Set(index.array)] });
+  return body.surface;
+}
 
 class Colours {
   // `maps`: tables of colours by name; `changed`: called when the user changed something.
@@ -12,8 +31,10 @@ class Colours {
     this.chosen = "";
     this.range = null; // fixed: two numbers, or "whole": that of `whole`; null: that of the picture
     this.now = [0, 0];
+    this.largest = null; // of the surface: {part, node, value}, of signed values the one farthest from 0
     byId("colour").addEventListener("change", () => { this.choose(byId("colour").value); byId("colour").blur(); changed(); });
     for (const id of ["legend-low", "legend-high"]) byId(id).addEventListener("change", () => { this.fix(); changed(); });
+    byId("legend-largest").addEventListener("click", () => { this.view.lookAt(this.largest.part, this.largest.node); changed(); });
     byId("legend-fixed").addEventListener("click", () => { this.range = this.range ? null : this.first ?? [...this.now]; changed(); });
   }
 
@@ -40,9 +61,31 @@ class Colours {
     this.range = this.first;
     this.view.uncover();
     byId("legend").hidden = !name;
+    this.find([]);
   }
 
-  // Colours bodies, each [body of the view, a number for each node], and draws the legend.
+  // Finds the largest value of the surfaces of bodies as `paint` takes them. Of places that hardly differ, as by
+  // symmetry, the one that was found before stays.
+  find(parts) {
+    const size = this.fields.get(this.chosen)?.signed ? Math.abs : (v) => v, before = this.largest;
+    this.largest = null;
+    for (const [body, values, part] of parts) {
+      for (const node of surface(body)) {
+        const value = values[node];
+        if (value === value && !(this.largest && size(value) <= size(this.largest.value))) this.largest = { part, node, value };
+      }
+    }
+    const here = before && parts.find(([, , part]) => part === before.part)?.[1][before.node];
+    if (size(here) >= (1 - SAME) * size(this.largest?.value)) this.largest = { ...before, value: here };
+    byId("legend-largest").hidden = !this.largest;
+    if (this.largest) byId("legend-largest").textContent = this.summit;
+    this.mark();
+  }
+
+  // Marks where the largest value is now.
+  mark() { this.view.mark(this.largest && this.view.vertex(this.largest.part, this.largest.node)); }
+
+  // Colours bodies, each [body of the view, a number for each node, its part], and draws the legend.
   paint(parts) {
     let low = Infinity, high = -Infinity, missing = 0, all = 0;
     for (const [, values] of parts) {
@@ -55,6 +98,7 @@ class Colours {
     const [from, to] = this.limits, map = this.maps[field.signed ? "signed" : "plain"];
     for (const [body, values] of parts) this.view.paint(body, values, from, to, map);
     this.legend(from, to, map);
+    this.find(parts);
     this.note(missing ? `grey: ${missing} of ${all} nodes have no value` : "");
   }
 
@@ -91,22 +135,26 @@ class Colours {
   }
 
   // A value in words.
-  words(value) { return this.unit === "m" ? `${this.label} ${length(value)}` : `${this.label} ${shown(value)} ${this.unit}`; }
+  words(value) { return `${this.label} ${amount(value, this.unit)}`; }
+
+  get summit() { return `largest ${amount(this.largest.value, this.unit)}`; }
 
   // The legend in words, for a picture.
   get lines() {
     if (!this.chosen) return [];
     const [low, high] = this.limits, [factor, unit] = this.scale;
-    return [`${this.label}: ${shown(factor * low)} to ${shown(factor * high)} ${unit}`];
+    const summit = this.largest ? `; ${this.summit}` : "";
+    return [`${this.label}: ${shown(factor * low)} to ${shown(factor * high)} ${unit}${summit}`];
   }
 }
 
 // Boxes that choose which groups of forces are drawn; at first all are, if `on`.
 class ForceBoxes {
-  constructor(box, on, changed) { Object.assign(this, { box, on, changed, labels: new Map(), count: 0 }); }
+  constructor(box, on, view, changed) { Object.assign(this, { box, on, view, changed, labels: new Map(), count: 0 }); }
 
   // Offers these groups {name, unit, colour, longest}, and no others.
   offer(groups) {
+    const part = 10 ** Math.floor(Math.log10(SCALE_SHARE * this.view.stage.camera.radius)); // [m]
     for (const [name, label] of this.labels) {
       if (groups.some((group) => group.name === name)) continue;
       label.remove();
@@ -114,9 +162,10 @@ class ForceBoxes {
     }
     for (const group of groups) {
       if (!this.labels.has(group.name)) this.add(group);
-      this.labels.get(group.name).title = "the longest arrow of its kind; each kind has its own scale";
-      this.labels.get(group.name).lastChild.data = ` ${group.name}, up to ${group.longest.toPrecision(2)} ${group.unit}`;
+      const scale = this.view.scaleOf(group, groups), drawn = scale ? `: ${length(part)} = ${shown2(part / scale)} ${group.unit}` : "";
+      this.labels.get(group.name).lastChild.data = ` ${group.name}${drawn}, up to ${shown2(group.longest)} ${group.unit}`;
     }
+    for (const group of groups) this.labels.get(group.name).hidden = !group.longest; // it has not acted yet
     this.box.hidden = !groups.length;
   }
 

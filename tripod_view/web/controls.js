@@ -50,7 +50,7 @@ function joints() {
   const work = withClass("servos", button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a"));
   const motions = place(element("div", { class: "row" }), [
     work,
-    button("Park", () => send({ press: "park" }), "A slow motion; key p"),
+    button("Park pose", () => send({ press: "park" }), "A slow motion; key p"),
   ]);
   listen("mode", ({ mode, own }) => {
     drive.classList.toggle("on", own && mode === "TELEOP");
@@ -62,7 +62,7 @@ function joints() {
   listen("kinds", (kinds) => { // of servos alone, or of any actuators
     const all = kinds.every((kind) => kind.servo), some = kinds.some((kind) => kind.servo);
     setText(card.querySelector("summary"), all ? "Servos" : "Actuators");
-    setText(note, `Keys: arrows and + - move ${all ? "servos" : "actuators"}, 0 to 9 choose that of + -, t drive, i follow, ${some ? "a working pose, " : ""}p park, Space or Esc STOP.`);
+    setText(note, `Keys: arrows and + - move ${all ? "servos" : "actuators"}, 0 to 9 choose that of + -, t drive, i follow, ${some ? "a working pose, " : ""}p park pose, Space or Esc STOP.`);
   });
   return withClass("joints", card);
 }
@@ -131,6 +131,7 @@ function joint(i) {
     bar.value = stall ? Math.min(Math.abs(load) / stall, 1) : 0;
   };
   listen("joints", show);
+  listen("kinds", () => value("joints") && show(value("joints"))); // in the units of these
   return place(row, [name, slider, number, unit, bar, torque]);
 }
 

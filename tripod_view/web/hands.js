@@ -104,7 +104,7 @@ function puller(view, redraw, stiffness) {
   canvas.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !event.isPrimary) return;
     const found = view.pick(event);
-    if (!found) return;
+    if ((found?.vertex ?? null) === null) return; // the ball of a maze has none
     for (const tell of heard) tell(found);
     if (!pulls || (value("replay")?.age ?? null) !== null) return;
     event.stopImmediatePropagation();

@@ -15,6 +15,13 @@ export function tellPicked(view, plotNode) {
   function tell() {
     const place = hit && view.vertex(hit.part, hit.node);
     if (!place) { show(null); return; }
+    if (view.isBall(hit.part)) {
+      const { place: middle, speed, force } = view.ball(), mm = (1e3 * speed).toPrecision(2);
+      const pressed = Number.isFinite(force) ? `; contact force ${Number(force.toPrecision(2))} N` : "";
+      told.textContent = `ball at [${short(middle)}] m${Number.isFinite(speed) ? `; speed ${Number(mm)} mm/s` : ""}${pressed}`;
+      copy.hidden = true;
+      return;
+    }
     const rest = view.rest(hit.part, hit.node), moved = rest ? `; moved ${length(Math.hypot(...place.map((v, a) => v - rest[a])))}` : "";
     const fields = view.fieldsAt(hit.part, hit.node).map(([name, number]) => {
       const { label = name, unit = "" } = value("fields")?.find((field) => field.name === name) ?? {};
@@ -35,7 +42,10 @@ export function tellPicked(view, plotNode) {
   }
 
   onPick(view, show);
-  plot.addEventListener("click", () => plotNode({ name: hit.body, part: hit.part, node: hit.node }));
+  plot.addEventListener("click", () => {
+    if (view.isBall(hit.part) && !view.forces) byId("forces").click(); // its contact force is one of them
+    plotNode({ name: hit.body, part: hit.part, node: hit.node });
+  });
   copy.addEventListener("click", () => {
     if (!text.hidden) { text.hidden = true; return; }
     const rest = view.rest(hit.part, hit.node), edge = view.edge(hit.part, hit.node);

@@ -1,4 +1,4 @@
-// Plots of the last minute of all that the page knows; numbers are kept only while the card is open.
+// Plots of the last minute, simulated, of all that the page knows; numbers are kept only while the card is open.
 
 import { listen, value } from "./channel.js";
 import { section } from "./dom.js";
@@ -9,6 +9,9 @@ const PLACES = { "/effector": "effector", "/ball": "ball", "/target": "target" }
 const AXES = ["x", "y", "z"];
 const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", work: "work of the servos", lost: "lost" };
 
+const PARTS = ["kinetic", "strain", "gravity"]; // of the total energy
+
+const jointKinds = () => (value("scene")?.joints ? value("kinds") ?? [] : []);
 const unitOf = (field) => value("fields")?.find(({ name }) => name === field)?.unit ?? "";
 
 // Length of the largest of some vectors, 3 numbers each; 0 without any.
@@ -22,7 +25,7 @@ function largest(vectors) {
 function quantities(view) {
   const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
   const add = (title, name, unit, number, factor = 1) => found.push([title, name, unit, factor * (number ?? NaN)]);
-  (value("kinds") ?? []).forEach(({ name, unit, back, servo }, i) => {
+  jointKinds().forEach(({ name, unit, back, servo }, i) => {
     const title = servo ? "servo angles" : `actuators [${unit}]`;
     add(title, name, unit, joints?.angles?.[i]);
     add(`${title}, commanded`, name, unit, joints?.asked?.[i]);
@@ -33,7 +36,9 @@ function quantities(view) {
     const place = view?.placeOf(path);
     if (place) AXES.forEach((axis, a) => add(name, axis, "mm", place[a], 1e3));
   }
-  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", figures?.energy?.[key], 1e3);
+  const energy = figures?.energy ?? {}, total = PARTS.reduce((sum, part) => sum + (energy[part] ?? NaN), 0);
+  add("energies", "total", "mJ", total, 1e3);
+  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", energy[key], 1e3);
   add("real-time factor", "simulated / real time", "", run?.factor);
   add("time of a step", "median", "ms", run?.step, 1e3);
   add("time of a step", "p99", "ms", run?.p99, 1e3);
@@ -44,7 +49,12 @@ function quantities(view) {
   add("contact distances", "smallest gap", "mm", figures?.smallest_gap, 1e3);
   add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
   add("contact distances", "error", "mm", figures?.contact_error, 1e3);
-  for (const { name, unit, vectors } of view?.groups() ?? []) add(`largest [${unit}]`, name, unit, largest(vectors));
+  for (const { name, unit, vectors, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest(vectors));
+  const ball = view?.ball();
+  if (ball?.place) {
+    add("ball, speed", "speed", "mm/s", ball.speed, 1e3);
+    add("ball, contact force", "contact force", "N", ball.force);
+  }
   add("residual", "residual", "N", figures?.residual);
   add("halvings", "steps halved", "", figures?.halvings);
   add("stability margin", "least", "", figures?.stability_margin?.[0]);
@@ -57,11 +67,11 @@ function quantities(view) {
   return found;
 }
 
-// Numbers by series and time, as `plot.js` takes them.
+// Numbers by series and simulated time, as `plot.js` takes them.
 class Minute {
   constructor() {
     Object.assign(this, { times: [], columns: new Map() });
-    this.clock = this.column("simulated time", "s");
+    this.clock = this.column("page time", "s");
   }
 
   get lists() { return [this.times, this.clock.values, ...[...this.columns.values()].map(({ values }) => values)]; }
@@ -82,8 +92,11 @@ class Minute {
     return { name, unit, values, at: (i) => values[i] };
   }
 
+  // Adds the numbers at a time, unless that is there; after a reset, with which time goes back, the curves start again.
   // `found`: as `quantities` returns it; `made`: called with each quantity that is new.
   add(time, clock, found, made) {
+    if (time < this.end) this.empty();
+    if (this.length && time === this.end) return;
     for (const [title, name, unit, number] of found) {
       const key = `${title}: ${name}`;
       if (this.columns.has(key) || !Number.isFinite(number)) continue;
@@ -110,7 +123,7 @@ export function plots(view) {
 
   // What is shown at first: the joints, or the energies; and how fast it goes.
   function begin() {
-    const kinds = value("kinds") ?? [];
+    const kinds = jointKinds();
     const titles = [...new Set(kinds.map(({ servo, unit }) => (servo ? "servo angles" : `actuators [${unit}]`)))];
     wanted = [...(titles.length ? titles : ["energies"]), "real-time factor"];
   }
@@ -124,8 +137,9 @@ export function plots(view) {
 
   function sample() {
     if (!value("scene") || document.body.classList.contains("past")) return;
-    const now = performance.now(), before = all.series.size;
-    minute.add(now / 1e3, value("run")?.time ?? NaN, quantities(view), (...quantity) => all.offer(...quantity));
+    const now = performance.now(), before = all.series.size, time = Number.isFinite(view?.time) ? view.time : value("run")?.time;
+    if (!Number.isFinite(time)) return;
+    minute.add(time, now / 1e3, quantities(view), (...quantity) => all.offer(...quantity));
     wanted = wanted.filter((title) => !show(title));
     if (all.series.size !== before) all.refresh();
     if (now - drawn < REDRAWN) return;
@@ -149,15 +163,18 @@ export function plots(view) {
   });
   let known = "";
   const changed = () => { // another scene has other quantities
-    const now = JSON.stringify([value("scene")?.name, (value("kinds") ?? []).map(({ name, unit }) => [name, unit])]);
+    const now = JSON.stringify([value("scene")?.name, jointKinds().map(({ name, unit }) => [name, unit])]);
     if (now !== known) { known = now; again(); }
   };
   listen("scene", changed);
   listen("kinds", changed);
 
   function plotNode(node) {
-    picked.push(node);
-    wanted.push(`${node.name}, node ${node.node}`);
+    if (view.isBall(node.part)) wanted.push("ball", "ball, speed", "ball, contact force");
+    else {
+      picked.push(node);
+      wanted.push(`${node.name}, node ${node.node}`);
+    }
     card.open = true;
     card.scrollIntoView({ block: "nearest" });
   }

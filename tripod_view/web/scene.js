@@ -6,6 +6,7 @@ const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
 const WAY = 2000; // places of a path that are kept
+const BALL = "/ball", TRAIL = 0.3, REST = 1e-6; // its node; time over which its speed is a mean [s]; speed that is none [m/s]
 const FOLLOWED = { "/ball": "ball", "/effector": "effector" };
 
 const colour = (rgb) => new THREE.Color(...rgb.map((c) => c / 255));
@@ -20,6 +21,8 @@ class LiveView extends View {
     this.all = new Map();
     this.lined = true;
     this.followed = "";
+    this.ballTrail = [];
+    this.time = NaN; // simulated time of the bodies [s]
     this.way = null; // numbers of the path, if it is drawn
     this.forces = false; // whether they are drawn
     this.recolour = false; // whether there are other values than those that were painted
@@ -71,6 +74,7 @@ class LiveView extends View {
       if (rest.colour) for (const material of [node.material, node.faint]) if (material) material.color = colour(rest.colour);
       if ("turns" in rest) this.letTurn(node);
     }
+    if ("time" in head) { this.time = head.time; this.followBall(); }
     if (head.camera) this.aim(head.camera, again);
   }
 
@@ -168,7 +172,7 @@ class LiveView extends View {
         node.coat = { mesh: node.body, geometry: node.geometry, plain: node.material };
         node.made.push({ dispose: () => node.coat.painted?.dispose() });
       }
-      found.push([node.coat, values]);
+      found.push([node.coat, values, node.number]);
     }
     return found;
   }
@@ -187,10 +191,11 @@ class LiveView extends View {
 
   // Draws the groups of forces that are wanted.
   lay() {
+    const groups = this.groups();
     for (const node of this.all.values()) {
       if (node.kind !== "arrows") continue;
       const { name, points, vectors, colour } = node, on = this.forces && this.wants(name) && points.length === vectors.length;
-      this.point(`force ${name}`, on ? points : [], on ? vectors : [], colour, this.arrowScale(node.longest));
+      this.point(`force ${name}`, on ? points : [], on ? vectors : [], colour, this.scaleOf(node, groups));
     }
   }
 
@@ -341,6 +346,26 @@ class LiveView extends View {
     return node && this.isSeen(node.group) ? node.group.position.toArray() : null;
   }
 
+  // ---- the ball
+
+  // Keeps where the ball was in the last `TRAIL` seconds.
+  followBall() {
+    const place = this.placeOf(BALL), last = this.ballTrail.at(-1);
+    if (!place || this.time < last?.time) this.ballTrail.length = 0;
+    if (place) this.ballTrail.push({ place, time: this.time });
+    while (this.time - this.ballTrail[1]?.time > TRAIL) this.ballTrail.shift();
+  }
+
+  isBall(part) { return this.all.get(part)?.path.startsWith(`${BALL}/`) ?? false; }
+
+  // What is known of the ball: place [m], mean speed of the last moment [m/s], contact force [N], NaN where that is not.
+  ball() {
+    const first = this.ballTrail[0], last = this.ballTrail.at(-1), force = [0, 0, 0], of = this.groups().filter(({ name }) => name.includes(" on ball by "));
+    for (const { vectors } of of) vectors.forEach((v, i) => { force[i % 3] += v; });
+    const speed = last?.time > first?.time ? Math.hypot(...last.place.map((v, a) => v - first.place[a])) / (last.time - first.time) : NaN;
+    return { place: this.placeOf(BALL), speed: speed < REST ? 0 : speed, force: of.length ? Math.hypot(...force) : NaN };
+  }
+
   // ---- the path of what is followed, the ball or the effector
 
   showPath(shown) { this.way = shown ? [] : null; this.trail([]); }
@@ -394,11 +419,13 @@ class LiveView extends View {
 // By the fields of the simulation.
 class LiveColours extends Colours {
   update() {
-    if (!this.chosen || !this.view.recolour) return;
+    if (!this.chosen) return;
+    if (!this.view.recolour) { this.mark(); return; }
     this.view.recolour = false;
     const parts = this.view.valued(this.chosen);
     if (parts.length) { this.paint(parts); return; }
     this.view.uncover();
+    this.find([]);
     this.view.recolour = false;
     byId("legend-title").textContent = this.chosen;
     this.note((value("replay")?.age ?? null) === null ? "waiting for values" : "the replay does not have it");
@@ -419,7 +446,7 @@ export function scene() {
   }
 
   let colours = null;
-  const boxes = new ForceBoxes(byId("arrows"), true, redraw);
+  const boxes = new ForceBoxes(byId("arrows"), true, view, redraw);
   view.wants = (name) => boxes.has(name);
   // Says what this page shows: the simulator computes nothing else, and nothing for a page that is hidden.
   const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && view.forces });

@@ -59,7 +59,8 @@ export function status() {
   });
 
   const top = element("header");
-  place(top, [title, badge, about, run, event, mode, notice, notes]);
+  const messages = place(element("div", { id: "messages" }), [mode, event, notice, notes]);
+  place(top, [title, badge, about, run, messages]);
   const box = element("div");
   return place(box, [top, section("status", "Nodes", [lines], false)]);
 }

@@ -6,6 +6,8 @@
 const HALF_ANGLE = 0.3; // half the angle of view [rad]
 const NONE = [176, 176, 176]; // colour of a value that is missing
 const ARROW_SHARE = 0.4; // length of the longest arrow over the radius of the scene
+const MARK = [[4, 9, 0xffffff], [5.5, 7.5, 0x111111]]; // rings about a marked point: radii [px], colour
+const ROUNDING = 1e-5; // of the longest arrow of its unit: what is shorter is none
 const CREASE = 40; // angle between faces whose common edge is drawn, of pieces [degrees]
 const VIEWS = { front: [-90, 0], side: [0, 0], top: [-90, 90] }; // azimuth and elevation of the eye [degrees]
 
@@ -220,8 +222,50 @@ class View {
     this.path.visible = points.length > 3;
   }
 
+  // Marks a place of the world by a ring that is always seen; null: none.
+  mark(place) {
+    this.marked = place;
+    if (!place && !this.ring) return;
+    this.ring ??= this.makeRing();
+    this.ring.visible = Boolean(place);
+  }
+
+  makeRing() {
+    const T = THREE, ring = new T.Group(), corners = 32;
+    for (const [inner, outer, shade] of MARK) {
+      const ends = [], faces = [];
+      for (let i = 0; i < corners; i++) {
+        const turn = 2 * Math.PI * i / corners, [a, b, c, d] = [2 * i, 2 * i + 1, (2 * i + 2) % (2 * corners), (2 * i + 3) % (2 * corners)];
+        for (const r of [inner, outer]) ends.push(r * Math.cos(turn), r * Math.sin(turn), 0);
+        faces.push(a, b, c, c, b, d);
+      }
+      const geometry = new T.BufferGeometry().setAttribute("position", new T.BufferAttribute(new Float32Array(ends), 3));
+      geometry.setIndex(faces);
+      const material = new T.MeshBasicMaterial({ color: shade, depthTest: false, transparent: true, side: T.DoubleSide });
+      this.mesh(geometry, material, ring).renderOrder = 4;
+    }
+    this.scene.add(ring);
+    return ring;
+  }
+
+  // Keeps the ring as large on the screen as it is.
+  placeRing(height) {
+    if (!this.marked || !this.ring) return;
+    const { position, quaternion, scale } = this.ring, { camera } = this;
+    position.set(...this.marked.map((v, a) => v - this.origin[a]));
+    quaternion.copy(camera.quaternion);
+    const deep = position.clone().sub(camera.position).dot(camera.getWorldDirection(new THREE.Vector3()));
+    scale.setScalar(2 * Math.max(deep, 0) * Math.tan(HALF_ANGLE) / height);
+  }
+
   // Metres of a unit at which the longest arrow, of `longest` units, is well seen.
   arrowScale(longest) { return longest > 0 ? ARROW_SHARE * this.stage.camera.radius / longest : 0; }
+
+  // The same of a group of `groups`; 0 where its longest arrow is rounding beside those of its unit.
+  scaleOf(group, groups) {
+    const most = Math.max(...groups.filter(({ unit }) => unit === group.unit).map(({ longest }) => longest));
+    return group.longest < ROUNDING * most ? 0 : this.arrowScale(group.longest);
+  }
 
   showLines(shown) { for (const { lines } of this.bodies) lines.visible = shown; }
 
@@ -335,7 +379,27 @@ class View {
     this.shadows.matrix.set(1, 0, -0.6 * slide, 0.6 * slide * z, 0, 1, 0.3 * slide, -0.3 * slide * z, 0, 0, 0, z, 0, 0, 0, 1);
     this.shadows.visible = camera.position.z > z;
     this.before?.();
+    this.placeRing(h);
     this.renderer.render(this.scene, camera);
+  }
+
+  // Looks at vertex `node` of a part, from where it is seen.
+  lookAt(part, node) {
+    const T = THREE, target = this.targets().find((one) => one.part === part), place = this.vertex(part, node);
+    if (!place) return;
+    const middle = new T.Vector3(...place.map((v, a) => v - this.origin[a])), { index, attributes } = target.geometry;
+    const normal = new T.Vector3();
+    for (let i = 0; i < index.count; i += 3) {
+      const corners = [0, 1, 2].map((c) => index.getX(i + c));
+      if (!corners.includes(node)) continue;
+      const [a, b, c] = corners.map((corner) => new T.Vector3().fromBufferAttribute(attributes.position, corner));
+      normal.add(b.sub(a).cross(c.sub(a)).normalize());
+    }
+    normal.transformDirection(target.mesh.matrixWorld);
+    const way = this.camera.position.clone().sub(this.controls.target).normalize();
+    if (normal.dot(way) < 0.2) way.addScaledVector(normal, 1 - normal.dot(way)).normalize();
+    this.touched = true;
+    this.look(Math.atan2(way.y, way.x) * 180 / Math.PI, Math.asin(clamp(way.z, -1, 1)) * 180 / Math.PI, this.seen, middle.toArray());
   }
 
   // Where vertex `node` of a part is [m], or null.
@@ -347,12 +411,15 @@ class View {
   }
 
   // What can be picked: meshes, each with the `name` of its body and the number `first` of its first vertex.
+  // Bodies are parts by their number, a ball that is a piece by the number of the piece behind those.
   targets() {
-    return this.bodies.map(({ mesh, geometry }, part) => ({ part, mesh, geometry, first: 0, name: this.stage.bodies[part].name }));
+    const bodies = this.bodies.map(({ mesh, geometry }, part) => ({ part, mesh, geometry, first: 0, name: this.stage.bodies[part].name }));
+    const pieces = this.pieces.map(({ mesh, geometry }, p) => ({ part: bodies.length + p, mesh, geometry, name: this.stage.pieces[p].name }));
+    return [...bodies, ...pieces.filter(({ mesh, name }) => mesh.visible && name === "ball")];
   }
 
   // What is under the pointer of a mouse event, or null: the `point` of the surface [m], the name of the `body`, and of
-  // the vertex nearest to it its number in all bodies, `vertex`, and in its `part`, `node`.
+  // the vertex nearest to it its number in all bodies, `vertex`, or null, and in its `part`, `node`.
   pick({ clientX, clientY }) {
     const T = THREE, box = this.canvas.getBoundingClientRect(), caster = new T.Raycaster();
     const at = new T.Vector2(2 * (clientX - box.left) / box.width - 1, 1 - 2 * (clientY - box.top) / box.height);
@@ -368,7 +435,7 @@ class View {
     const { face, point, part, mesh, geometry, first, name } = best, place = new T.Vector3();
     const far = (n) => place.fromBufferAttribute(geometry.attributes.position, n).applyMatrix4(mesh.matrixWorld).distanceTo(point);
     const node = [face.a, face.b, face.c].sort((n, m) => far(n) - far(m))[0];
-    return { vertex: first + node, point: point.toArray().map((v, a) => v + this.origin[a]), body: name, part, node };
+    return { vertex: first === undefined ? null : first + node, point: point.toArray().map((v, a) => v + this.origin[a]), body: name, part, node };
   }
 
   // The picture as it is, with words below it, as a PNG; `background`: a colour.
