@@ -6,7 +6,7 @@ Commands drawn evenly from the ranges are simulated; where the effector rests is
 pose of the start, and so does L-BFGS-B over the commands with the simulation inside (derivatives by differences).
 `--scene` also takes a file. A target is met if less than 0.01 mm is missing.
 
-Prints one JSON object a scene: targets that are met; those that end at a closest pose, and the largest residual of the
+Prints a line for each target to stderr as it is solved, then one JSON object a scene: targets that are met; those that end at a closest pose, and the largest residual of the
 optimality conditions there [rad]; largest distance of the met [m]; medians of linearisations and of the time of each
 [s]; of SciPy: how many it meets, median time [s], and how many of these targets are met by ours.
 """
@@ -136,9 +136,12 @@ def measure(scene: Scene, count: int, compared: int) -> dict[str, Any]:
     model = StaticModel(scene, joints.slide)
     low, high = joints.low / joints.spans, joints.high / joints.spans
     targets = targets_of(model, low, high, count)
-    found = [
-        solve_once(scene, t.tolist(), slide=joints.slide, torque_max=np.inf, tolerance=MET) for t in targets
-    ]
+    found = []
+    for t in targets:
+        found.append(solve_once(scene, t.tolist(), slide=joints.slide, torque_max=np.inf, tolerance=MET))
+        answer = found[-1]
+        done = f"{scene.name}: target {len(found)} of {count}: {1000 * answer['error']:.4f} mm off"
+        print(f"{done}, {answer['seconds']:.1f} s", file=sys.stderr, flush=True)
     met = [f for f in found if f["error"] < MET]
     closest = [f for f in found if f["error"] >= MET]
     others = [beside(model, low, high, t) for t in targets[:compared]]
