@@ -5,6 +5,9 @@ from numba import njit
 
 from tripod_host.arrays import Array
 
+VIOLATED, DEPENDENT = 1e-11, 1e-9
+"""A row counts as satisfied to so much [rad]; a row counts as a combination of others if that part of it is left."""
+
 
 @njit(cache=True, error_model="numpy")
 def is_sane(P: Array, q: Array, A: Array, low: Array, high: Array) -> bool:
@@ -147,3 +150,70 @@ def eliminate(matrix: Array, right: Array) -> bool:
             total -= matrix[k, j] * right[j]
         right[k] = total / matrix[k, k]
     return True
+
+
+@njit(cache=True, error_model="numpy")
+def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Array, changes: int) -> bool:
+    """Write the solution to z = (x, y); return False if rows contradict each other, or `changes` do not suffice.
+
+    The dual method [GoldfarbIdnani1983] starts at the minimum without rows and makes the most violated row active,
+    again and again. The dual value rises with each row that becomes active, so no set of active rows occurs twice, even
+    where rows are nearly parallel. With L L' = P, B = L⁻¹ N of the active rows N', and d = L⁻¹ n of the violated row n,
+
+        r = argmin |B r - d|,   w = d - B r,   dx = t L'⁻¹ w,   dy = t r,   dy_n = -t,
+
+    where t is the smaller of what satisfies row n and of what takes the multiplier of an active row to zero. That row is
+    then released.
+
+    Args:
+        P, q, A, low, high: As of `IkProblem`; P positive definite.
+        z: x, then y, shape (n + m,); overwritten.
+        changes: Of the active rows, at most.
+    """
+    n, m, count, row, side = len(q), len(low), 0, -1, 1.0
+    inverse = np.linalg.inv(np.linalg.cholesky(P))
+    x, y = z[:n], z[n:]
+    x[:] = -(inverse.T @ (inverse @ q))
+    y[:] = 0.0
+    which, sides, B = np.zeros(n, np.int64), np.zeros(n), np.zeros((n, n))
+    for _ in range(changes):
+        if row < 0:
+            worst = VIOLATED
+            for i in range(m):
+                value = (A[i] * x).sum()
+                violation = max(low[i] - value, value - high[i])
+                if violation > worst and not (which[:count] == i).any():
+                    worst, row, side = violation, i, 1.0 if value < low[i] else -1.0
+            if row < 0:
+                return True
+        value = (A[row] * x).sum()
+        missing = low[row] - value if side > 0 else value - high[row]
+        d = side * (inverse @ A[row])
+        r, w, step, leaves = np.zeros(0), d.copy(), np.inf, -1
+        if count:
+            active = B[:, :count].copy()
+            r = np.linalg.lstsq(active, d)[0]
+            w = d - active @ r
+        for a in range(count):
+            i = which[a]
+            if low[i] < high[i] and sides[a] * r[a] > 0 and abs(y[i] / r[a]) < step:
+                step, leaves = abs(y[i] / r[a]), a
+        square = (w * w).sum()
+        if count < n and square > DEPENDENT**2 * (d * d).sum():
+            if missing / square <= step:
+                step, leaves = missing / square, -1
+            x += step * (inverse.T @ w)
+        elif leaves < 0:
+            return False
+        for a in range(count):
+            y[which[a]] += step * r[a]
+        y[row] -= step * side
+        if leaves < 0:
+            which[count], sides[count], B[:, count] = row, side, side * d
+            count, row = count + 1, -1
+        else:
+            y[which[leaves]] = 0.0
+            count -= 1
+            for a in range(leaves, count):
+                which[a], sides[a], B[:, a] = which[a + 1], sides[a + 1], B[:, a + 1]
+    return False
