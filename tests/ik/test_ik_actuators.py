@@ -12,7 +12,7 @@ from benchmarks.ik_actuators import MET, measure, scene_of
 from tests.messages import assert_names, raises_naming
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel, linear_state
-from tripod_ik.problem import LEAST_STEP, build_ik, least_energy, seen_turning
+from tripod_ik.problem import LEAST_STEP, LONGEST_RELAXATION, build_ik, least_energy, seen_turning
 from tripod_ik.solve_once import solve_once
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
@@ -248,7 +248,7 @@ def test_the_step_to_the_least_energy_moves_no_task(tmp_path: Path) -> None:
     step = least_energy(state, J, -np.ones(4), np.ones(4))
     assert np.linalg.norm(step) > 1e-3
     assert np.linalg.norm(J @ step) < 1e-9
-    problem = build_ik(state, [PositionTask(state.equilibrium)], relax=True)
+    problem = build_ik(state, [PositionTask(state.equilibrium)], relax=LONGEST_RELAXATION)
     assert np.abs(problem.q).max() < 1e-4
 
 
