@@ -174,8 +174,7 @@ def build_ik(
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
     mu = _damping(rows, state, turning)
-    relaxation = np.zeros(n) if straight else _free_step(state, SJ, box, relax)
-    wish = keep + relaxation
+    relaxation = _free_step(state, SJ, box, 0.0 if straight else relax)
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]
@@ -184,7 +183,7 @@ def build_ik(
     P[:n, :n] = (SJ.T @ SJ + soft) / sigma
     epsilon = LIGHT if state.held else REGULARISATION
     P.flat[: n * m : m + 1] += mu / sigma + epsilon
-    q[:n] = -SJ.T @ Se / sigma - epsilon * wish
+    q[:n] = -SJ.T @ Se / sigma - epsilon * (keep + relaxation)
     low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
     low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
