@@ -6,9 +6,10 @@ Commands drawn evenly from the ranges are simulated; where the effector rests is
 pose of the start, and so does L-BFGS-B over the commands with the simulation inside (derivatives by differences).
 `--scene` also takes a file. A target is met if less than 0.01 mm is missing.
 
-Prints a line for each target to stderr as it is solved, then one JSON object a scene: targets that are met; those that end at a closest pose, and the largest residual of the
-optimality conditions there [rad]; largest distance of the met [m]; medians of linearisations and of the time of each
-[s]; of SciPy: how many it meets, median time [s], and how many of these targets are met by ours.
+Prints a line for each target to stderr as it is solved, then one JSON object a scene: targets that are met; those that
+end at a closest pose, and the largest residual of the optimality conditions there [rad]; largest distance of the met
+[m]; medians of linearisations and of the time of each [s]; of SciPy: how many it meets, median time [s], and how many
+of these targets are met by ours.
 """
 
 import argparse

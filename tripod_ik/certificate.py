@@ -15,6 +15,9 @@ from tripod_ik.problem import IkProblem
 EXACT = 1e-10
 """A residual [rad] below which nothing is left to improve."""
 
+CHANGES = 10
+"""Changes of the active rows for each unknown and row before the dual method gives up; one is the rule."""
+
 ROUNDS = 10
 """Guesses of the active rows before giving up; one is the rule."""
 
@@ -31,6 +34,7 @@ def prepare(n: int, rows: int) -> None:
     kernels.is_sane(P, q, A, low, high)
     kernels.conditions(P, q, A, low, high, np.zeros(size + len(low)), low)
     kernels.improve(P, q, A, low, high, high, np.zeros(size + len(low)), 1, EXACT)
+    kernels.dual_active_set(P, q, A, low, high, np.zeros(size + len(low)), 1)
 
 
 def is_sane(problem: IkProblem) -> bool:
@@ -63,3 +67,12 @@ def polish(
     pushes = push if isinstance(push, np.ndarray) else np.full(len(y), push)
     residual = float(kernels.improve(p.P, p.q, p.A, p.l, p.u, pushes, z, rounds, EXACT))
     return z[:n], z[n:], residual
+
+
+def solve_exactly(problem: IkProblem) -> tuple[FloatArray, FloatArray, float]:
+    """Return x, y and their residual by the dual active-set method; an infinite residual if there is none."""
+    p, n = problem, len(problem.q)
+    z = np.zeros(n + len(p.l))
+    if not kernels.dual_active_set(p.P, p.q, p.A, p.l, p.u, z, CHANGES * len(z)):
+        return z[:n], z[n:], np.inf
+    return polish(problem, z[:n], z[n:])

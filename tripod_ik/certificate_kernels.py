@@ -5,6 +5,9 @@ from numba import njit
 
 from tripod_host.arrays import Array
 
+VIOLATED, DEPENDENT = 1e-11, 1e-9
+"""A row counts as satisfied to so much [rad]; a row counts as a combination of others if that part of it is left."""
+
 
 @njit(cache=True, error_model="numpy")
 def is_sane(P: Array, q: Array, A: Array, low: Array, high: Array) -> bool:
@@ -78,15 +81,7 @@ def improve(
         if again:
             break
         tried[k] = sides
-        size = n + count
-        _write(P, q, A, low, high, sides, which[:count], matrix, right)
-        if not eliminate(matrix[:size, :size], right[:size]):  # active rows that say the same twice
-            _write(P, q, A, low, high, sides, which[:count], matrix, right)
-            right[:size] = np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0]
-        trial[:n] = right[:n]
-        trial[n:] = 0.0
-        for a in range(count):
-            trial[n + which[a]] = right[n + a]
+        _solve_active(P, q, A, low, high, sides, which[:count], matrix, right, trial)
         residual = conditions(P, q, A, low, high, trial, here)
         rows[:] = here
         if residual < least:
@@ -95,6 +90,27 @@ def improve(
         if residual < exact:
             break
     return least
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_active(
+    P: Array, q: Array, A: Array, low: Array, high: Array, sides: Array, which: Array, matrix: Array, right: Array,
+    z: Array,
+) -> None:  # fmt: skip
+    """Write z = (x, y) for the rows `which` as equations at the bounds that `sides` tells; other multipliers are 0.
+
+    `matrix` and `right` are scratch.
+    """
+    n, count = len(q), len(which)
+    size = n + count
+    _write(P, q, A, low, high, sides, which, matrix, right)
+    if not eliminate(matrix[:size, :size], right[:size]):  # active rows that say the same twice
+        _write(P, q, A, low, high, sides, which, matrix, right)
+        right[:size] = np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0]
+    z[:n] = right[:n]
+    z[n:] = 0.0
+    for a in range(count):
+        z[n + which[a]] = right[n + a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -147,3 +163,93 @@ def eliminate(matrix: Array, right: Array) -> bool:
             total -= matrix[k, j] * right[j]
         right[k] = total / matrix[k, k]
     return True
+
+
+@njit(cache=True, error_model="numpy")
+def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Array, changes: int) -> bool:
+    """Write the solution to z = (x, y); return False if rows contradict each other, or `changes` do not suffice.
+
+    The dual method [GoldfarbIdnani1983] starts at the minimum without rows and makes the most violated row active,
+    again and again. The dual value rises with each row that becomes active, so no set of active rows occurs twice, even
+    where rows are nearly parallel. With L L' = P, B = L⁻¹ N of the active rows N', and d = L⁻¹ n of the violated row n,
+
+        r = argmin |B r - d|,   w = d - B r,   dx = t L'⁻¹ w,   dy = t r,   dy_n = -t,
+
+    where t is the smaller of what satisfies row n and of what takes the multiplier of an active row to zero. That row
+    is then released.
+
+    Args:
+        P, q, A, low, high: As of `IkProblem`; P positive definite.
+        z: x, then y, shape (n + m,); overwritten.
+        changes: Of the active rows, at most.
+    """
+    n, m, count, row, side = len(q), len(low), 0, -1, 1.0
+    inverse = np.linalg.inv(np.linalg.cholesky(P))
+    x, y = z[:n], z[n:]
+    x[:] = -(inverse.T @ (inverse @ q))
+    y[:] = 0.0
+    which, sides, B = np.zeros(n, np.int64), np.zeros(m, np.int8), np.zeros((n, n))
+    matrix, right = np.empty((2 * n, 2 * n)), np.empty(2 * n)
+    for _ in range(changes):
+        if row < 0:
+            row, side = _most_violated(A, low, high, x, which[:count])
+            if row < 0:
+                return True
+        missing = side * ((low[row] if side > 0 else high[row]) - (A[row] * x).sum())
+        d = side * (inverse @ A[row])
+        r, w = np.zeros(0), d
+        if count:
+            active = B[:, :count].copy()
+            r = np.linalg.lstsq(active, d)[0]
+            w = d - active @ r
+        step, leaves = _first_released(r, y, sides, which[:count], low, high)
+        square = (w * w).sum()
+        if count < n and square > DEPENDENT**2 * (d * d).sum():
+            if missing / square <= step:
+                step, leaves = missing / square, -1
+            x += step * (inverse.T @ w)
+        elif leaves < 0:
+            return False
+        for a in range(count):
+            y[which[a]] += step * r[a]
+        y[row] -= step * side
+        if leaves < 0:
+            which[count], B[:, count], sides[row] = row, side * d, 1 if side < 0 else -1
+            count, row = count + 1, -1
+            _solve_active(
+                P, q, A, low, high, sides, which[:count], matrix, right, z
+            )  # rounding does not add up
+        else:
+            y[which[leaves]] = 0.0
+            count -= 1
+            for a in range(leaves, count):
+                which[a], B[:, a] = which[a + 1], B[:, a + 1]
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _most_violated(A: Array, low: Array, high: Array, x: Array, which: Array) -> tuple[int, float]:
+    """Return the row that `x` violates most and is not in `which`, -1 if none, and its side: 1 is `low`, -1 `high`."""
+    worst, row, side = VIOLATED, -1, 1.0
+    for i in range(len(low)):
+        value = (A[i] * x).sum()
+        violation = max(low[i] - value, value - high[i])
+        if violation > worst and not (which == i).any():
+            worst, row, side = violation, i, 1.0 if value < low[i] else -1.0
+    return row, side
+
+
+@njit(cache=True, error_model="numpy")
+def _first_released(
+    r: Array, y: Array, sides: Array, which: Array, low: Array, high: Array
+) -> tuple[float, int]:
+    """Return the step at which the first multiplier of the rows `which` is zero, and its place; infinity, -1 if none.
+
+    An equation is never released.
+    """
+    step, place = np.inf, -1
+    for a in range(len(which)):
+        i = which[a]
+        if low[i] < high[i] and sides[i] * r[a] < 0 and abs(y[i] / r[a]) < step:
+            step, place = abs(y[i] / r[a]), a
+    return step, place

@@ -60,9 +60,12 @@ LEAST_STEP = 0.01
 """Over which the Jacobian is taken to have turned at least [rad]: over shorter steps, what changes it is that the body
 swings or a cable goes slack, and a damping that grows with that would make the next step shorter still."""
 
-RANK, FLAT, SLIDE = 1e-4, 1e-6, 0.3
+RANK, FLAT = 1e-4, 1e-6
 """Singular values of the Jacobian that count as none, over its norm; smallest curvature of the energy, over the
-largest; and longest step towards its least [rad]."""
+largest."""
+
+LONGEST_RELAXATION, MADE = 0.3, 0.1
+"""Longest step towards the least energy [rad], and the part of a step from which on it counts as made."""
 
 BLIND = 1e-9
 """Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
@@ -86,6 +89,7 @@ class IkProblem:
         box: The commands allowed.
         hold: The command allowed that is nearest to the previous one [rad], shape (n,).
         names: Of the limit rows, shape (m - n,).
+        relaxation: The step towards the least energy that it prefers where the tasks leave a choice [rad], shape (n,).
     """
 
     P: FloatArray
@@ -100,6 +104,7 @@ class IkProblem:
     box: CommandBox
     hold: FloatArray
     names: tuple[str, ...]
+    relaxation: FloatArray
 
 
 def build_ik(
@@ -112,7 +117,7 @@ def build_ik(
     dt: float = 0.0,
     ahead: float = 0.0,
     turning: float = 0.0,
-    relax: bool = False,
+    relax: float = 0.0,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
@@ -146,8 +151,8 @@ def build_ik(
             Zero where steps are corrected afterwards.
         turning: How fast the Jacobian was seen to turn [1/rad], see `seen_turning`: in place of the tasks' curvature
             with actuators that are no servos.
-        relax: Whether actuators that the tasks leave free go towards the least energy, see `least_energy`, in place of
-            staying; of servos alone they stay.
+        relax: How far actuators that the tasks leave free may go towards the least energy [rad], see `least_energy`; 0:
+            they stay, as servos alone always do.
 
     Raises:
         IkError: there is no task, or `previous`, `dt` or `ahead` is not finite, or has the wrong shape or sign.
@@ -169,7 +174,7 @@ def build_ik(
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
     mu = _damping(rows, state, turning)
-    wish = keep + _free_step(state, SJ, box) if relax and not straight else keep
+    relaxation = _free_step(state, SJ, box, 0.0 if straight else relax)
     sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]
@@ -178,7 +183,7 @@ def build_ik(
     P[:n, :n] = (SJ.T @ SJ + soft) / sigma
     epsilon = LIGHT if state.held else REGULARISATION
     P.flat[: n * m : m + 1] += mu / sigma + epsilon
-    q[:n] = -SJ.T @ Se / sigma - epsilon * wish
+    q[:n] = -SJ.T @ Se / sigma - epsilon * (keep + relaxation)
     low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
     low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
@@ -210,7 +215,7 @@ def build_ik(
         first += len(found.names)
     return IkProblem(
         P, q, A, low, high, push, state, tuple(tasks), rows, box, hold,
-        tuple(name for found in limited for name in found.names),
+        tuple(name for found in limited for name in found.names), relaxation,
     )  # fmt: skip
 
 
@@ -222,11 +227,21 @@ def taut(state: LinearState, before: FloatArray) -> FloatArray:
     return np.where(slack, np.maximum(before, state.angles), before)
 
 
-def _free_step(state: LinearState, SJ: FloatArray, box: CommandBox) -> FloatArray:
-    """Return the step to the least energy, shape (n,); none for servos alone."""
-    if not state.held:
+def _free_step(state: LinearState, SJ: FloatArray, box: CommandBox, longest: float) -> FloatArray:
+    """Return the step to the least energy, shape (n,), no longer than `longest` [rad]; none for servos alone."""
+    if not (state.held and longest):
         return np.zeros(len(state.angles))
-    return least_energy(state, SJ, box.low - state.angles, box.high - state.angles)
+    return least_energy(state, SJ, box.low - state.angles, box.high - state.angles, longest)
+
+
+def overshoots(before: IkProblem, after: IkProblem) -> bool:
+    """Return whether the relaxation of one program was made, and that of the next turns back.
+
+    The energy has kinks where cables go slack, and its second derivative is approximate: near the least energy whole
+    steps can go to and fro for ever.
+    """
+    step, moved = before.relaxation, after.state.angles - before.state.angles
+    return float(moved @ step) > MADE * float(step @ step) and float(after.relaxation @ step) < 0.0
 
 
 def _damping(rows: Sequence[TaskRows], state: LinearState, turning: float) -> float:
@@ -250,16 +265,18 @@ def seen_turning(before: LinearState, after: LinearState) -> float:
     return turned / max(step, LEAST_STEP)
 
 
-def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def least_energy(
+    state: LinearState, SJ: FloatArray, low: FloatArray, high: FloatArray, longest: float = LONGEST_RELAXATION
+) -> FloatArray:
     """Return the step, shape (n,), that makes the stored energy U least without moving what the tasks ask.
 
     With actuators P whose position is commanded and F whose effort is, U = Φ - Σ_F q dV/dq, and at rest
 
         ∂U/∂q_i = [i in P] tau_i - Σ_F q_j K_ji,      ∂²U/∂q² ≈ [K_PP, 0; 0, -K_FF].
 
-    It is the Newton step in the null space of S J, of the joints that are not at an end of `low` to `high`, shape (n,)
-    each, which it would pass. So the pose that is reached is the same to first order; no weights are needed, since all
-    is energy.
+    It is the Newton step in the null space of S J, no longer than `longest` [rad], of the joints that are not at an end
+    of `low` to `high`, shape (n,) each, which it would pass. So the pose that is reached is the same to first order; no
+    weights are needed, since all is energy.
     """
     n = len(state.angles)
     effort = np.array([a.is_effort for a in state.actuators])
@@ -277,7 +294,7 @@ def least_energy(state: LinearState, SJ: FloatArray, low: FloatArray, high: Floa
         largest = max(float(np.abs(H).max()), 1e-18)
         along = vectors.T @ (N.T @ slope[free]) / np.maximum(np.abs(values), FLAT * largest)
         step = -N @ (vectors @ along)
-        out[free] = step * min(1.0, SLIDE / max(float(np.linalg.norm(step)), 1e-18))
+        out[free] = step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-18))
         stuck = free & (((out < 0) & (low >= 0)) | ((out > 0) & (high <= 0)))
         if not stuck.any():
             break

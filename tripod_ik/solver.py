@@ -9,7 +9,7 @@ import osqp
 from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_ik.certificate import is_sane, kkt_residual, polish, prepare
+from tripod_ik.certificate import is_sane, kkt_residual, polish, prepare, solve_exactly
 from tripod_ik.errors import IkError
 from tripod_ik.problem import IkProblem
 from tripod_ik.tasks import total_distance, total_of
@@ -18,15 +18,10 @@ KKT_TOLERANCE = 1e-6
 """Residual of the optimality conditions [rad] up to which a solution is used."""
 
 COARSE, FINE = 1e-4, 1e-9
-"""Tolerances of OSQP [rad]: the first is nearly always enough to tell the active limits, then the second."""
+"""Tolerances of OSQP [rad]: the first nearly always suffices to find the active limits; the second without polish."""
 
 RHO = 0.1
 """Step length of OSQP."""
-
-RETRIES = ({"eps_abs": FINE}, {"rho": 10.0}, {"rho": 100.0})
-"""What is tried, from scratch, where the active limits were not told: more digits; and other step lengths, since limits
-that contradict each other have large multipliers.
-"""
 
 CERTAIN = 1e-9
 """Residual [rad] up to which a solution with the active limits of the one before is taken without asking OSQP."""
@@ -81,7 +76,8 @@ class IkSolver:
     Where the limits active in the last solution, or a few changes of them, give a solution that certifies itself, that
     is it. Else OSQP finds the active limits to four digits, `certificate.polish` the exact solution for them, and the
     residual of the optimality conditions decides whether it is used: neither a false "solved" nor a false
-    "infeasible" gets through, and a solution that OSQP ran out of iterations for is used if it is one. Equal
+    "infeasible" gets through, and a solution that OSQP ran out of iterations for is used if it is one. Where limits are
+    nearly parallel, as those of tensions, OSQP may not find them: then `certificate.solve_exactly` does. Equal
     sequences of problems give equal bits, on a busy machine too: nothing depends on time unless a time limit is
     set, and 2000 iterations take less than a millisecond.
     """
@@ -168,14 +164,11 @@ class IkSolver:
             self._osqp.warm_start(*last)
         self._update(problem)
         x, y, kkt, iterations, status = self._attempt(problem)
-        for retry in RETRIES if self._polishing else ():
-            if kkt <= KKT_TOLERANCE:
-                break
-            self._osqp.update_settings(**retry)
-            self._osqp.warm_start(np.zeros(len(x)), np.zeros(len(y)))
-            x, y, kkt, more, status = self._attempt(problem)
-            self._osqp.update_settings(eps_abs=COARSE, rho=RHO)
-            iterations += more
+        if self._polishing and not kkt <= KKT_TOLERANCE:
+            exact = solve_exactly(problem)
+            if exact[2] <= KKT_TOLERANCE:
+                x, y, kkt = exact
+                status = "solved"
         if not kkt <= KKT_TOLERANCE:
             if status == "solved":
                 status = (

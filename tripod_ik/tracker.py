@@ -19,7 +19,7 @@ from tripod_ik.feedback import ModelError
 from tripod_ik.joint_path import PathSource
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.path_follower import PathFollower
-from tripod_ik.problem import IkProblem, build_ik, seen_turning
+from tripod_ik.problem import LONGEST_RELAXATION, IkProblem, build_ik, overshoots, seen_turning
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit, tension_limits
 from tripod_ik.smoothing import Smoothing
 from tripod_ik.snap_through import (
@@ -228,7 +228,7 @@ class Tracker:
         upright = np.full(3, np.nan) if normal is None else frozen("normal", normal, (3,))
         target = np.concatenate([frozen("target", position, (3,)), upright])
         if self._target is None or not np.array_equal(target, self._target, equal_nan=True):
-            self._trust = self.settings.step
+            self._trust, self._relax = self.settings.step, LONGEST_RELAXATION
         self._target = target
         self._motion.add(target, now)
 
@@ -248,7 +248,8 @@ class Tracker:
         self._smoothing = Smoothing()
         self._plan = False, False
         self._seen: LinearState | None = None
-        self._turning = 0.0
+        self._turning, self._relax = 0.0, LONGEST_RELAXATION
+        self._problem: IkProblem | None = None
         self._came = (
             float("inf"),
             0.0,
@@ -377,9 +378,13 @@ class Tracker:
         """Return the result of a step that is not too fast for the effector and keeps off hard limits."""
         build = partial(
             build_ik, state, tasks, row_limits=row_limits, previous=self._previous, dt=dt, turning=self._turning,
-            relax=True,
+            relax=self._relax,
         )  # fmt: skip
         problem = build(limits=limits)
+        if self._problem and overshoots(self._problem, problem):
+            self._relax = max(self._relax / 2, SHORTEST)
+            problem = build(limits=limits, relax=self._relax)
+        self._problem = problem
         result = self._solver.solve(problem)
         turn = result.command - problem.hold
         part = hypot(*(state.jacobian[:3] @ turn).tolist()) / max(self.settings.effector_speed * dt, 1e-12)
@@ -410,7 +415,7 @@ class Tracker:
                 break
             within = build_ik(
                 state, problem.tasks, (*limits, StepLimit(longest)), row_limits,
-                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest, turning=self._turning, relax=True,
+                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest, turning=self._turning, relax=self._relax,
             )  # fmt: skip
             shorter = self._solver.solve(within)
             names = (name for name in shorter.active_limits if not name.endswith(" step"))

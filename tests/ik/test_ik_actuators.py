@@ -12,7 +12,7 @@ from benchmarks.ik_actuators import MET, measure, scene_of
 from tests.messages import assert_names, raises_naming
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel, linear_state
-from tripod_ik.problem import LEAST_STEP, build_ik, least_energy, seen_turning
+from tripod_ik.problem import LEAST_STEP, LONGEST_RELAXATION, build_ik, least_energy, overshoots, seen_turning
 from tripod_ik.solve_once import solve_once
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
@@ -248,7 +248,7 @@ def test_the_step_to_the_least_energy_moves_no_task(tmp_path: Path) -> None:
     step = least_energy(state, J, -np.ones(4), np.ones(4))
     assert np.linalg.norm(step) > 1e-3
     assert np.linalg.norm(J @ step) < 1e-9
-    problem = build_ik(state, [PositionTask(state.equilibrium)], relax=True)
+    problem = build_ik(state, [PositionTask(state.equilibrium)], relax=LONGEST_RELAXATION)
     assert np.abs(problem.q).max() < 1e-4
 
 
@@ -259,6 +259,37 @@ def test_random_targets_are_met(tmp_path: Path, name: str) -> None:
     assert found["met"] >= 7 and found["ours_met"] >= found["scipy_met"]
     assert all(outcome.startswith(("closest", "stopped")) for outcome in found["outcomes"])
     assert found["kkt"] < 1e-6
+
+
+TRUNK = (  # where programs have nearly parallel limits, and where the least energy is at a kink
+    (0.0214, 0.9427, 1.1895, 0.7695, 1.0888, 0.3396, 0.2978, 0.5447),
+    (0.0378, 0.5583, 0.0455, 0.1843, 1.4507, 0.9866, 0.6423, 0.7856),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("commands", TRUNK)
+def test_the_trunk_reaches_where_it_rests_at_other_commands(commands: tuple[float, ...]) -> None:
+    scene = load_scene("trunk", STILL)
+    goal = StaticModel(scene).move(np.array(commands)).equilibrium
+    found = solve_once(scene, goal.tolist(), slide=0.0, torque_max=np.inf, tolerance=MET)
+    assert found["reached"] and found["error"] < MET
+
+
+def test_a_relaxation_overshoots_if_it_was_made_and_turns_back() -> None:
+    def program(angles: float, relaxation: float) -> SimpleNamespace:
+        return SimpleNamespace(
+            state=SimpleNamespace(angles=np.array([angles, 0.0])), relaxation=np.array([relaxation, 0.0])
+        )
+
+    start = program(0.0, 0.3)
+    for moved, then, expected in (
+        (0.3, -0.2, True),
+        (0.3, 0.2, False),
+        (0.0, -0.2, False),
+        (-0.3, -0.2, False),
+    ):
+        assert overshoots(start, program(moved, then)) is expected  # type: ignore[arg-type]
 
 
 def test_a_short_step_over_which_a_body_swings_does_not_tell_how_the_jacobian_turns() -> None:

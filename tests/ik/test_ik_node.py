@@ -331,6 +331,7 @@ def test_a_program_that_is_not_solved_sends_nothing(graph, monkeypatch):
     graph.wait_state(IkStatus.TRACKING)
     with monkeypatch.context() as patch:
         patch.setattr("tripod_ik.solver.polish", lambda p, x, y, *_: (x + 1, y, kkt_residual(p, x + 1, y)))
+        patch.setattr("tripod_ik.solver.solve_exactly", lambda p: (p.q, p.l, np.inf))
         status = graph.wait_state(IkStatus.SOLVER_FAILED, "no solution")
         graph.hear(5)  # what was on its way
         sim.commands.clear()

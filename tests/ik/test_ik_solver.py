@@ -3,6 +3,7 @@ import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests.ik.plant import SpringRobot
 from tests.messages import assert_names, raises_naming
 from tripod_graph.names import SERVOS
 from tripod_ik import solver
-from tripod_ik.certificate import kkt_residual, polish
+from tripod_ik.certificate import kkt_residual, polish, solve_exactly
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import REGULARISATION, build_ik
@@ -79,6 +80,36 @@ def test_the_solution_is_the_best_of_all_combinations_of_active_limits(torque, c
         assert (result.command <= problem.box.high).all()
         binding += bool(result.active_limits)
     assert count * 0.2 < binding < count
+
+
+def nearly_parallel(rng):
+    """Rows that limit two directions from both sides, as tensions of many cables do; slacks are fixed to zero."""
+    n = 8
+    J, directions = rng.standard_normal((3, n)), rng.standard_normal((2, n))
+    G = rng.choice([-1.0, 1.0], (n, 1)) * directions[rng.integers(2, size=n)] + 1e-3 * rng.standard_normal(
+        (n, n)
+    )
+    G /= np.linalg.norm(G, axis=1)[:, None]
+    A = np.eye(3 * n, 2 * n)
+    A[2 * n :] = np.hstack([G, 0.03 * np.eye(n)])
+    P = np.diag(np.full(2 * n, 1.0))
+    P[:n, :n] = J.T @ J / n + 1e-7 * np.eye(n)
+    q = np.append(rng.standard_normal(n) * 0.1, np.zeros(n))
+    low = np.concatenate([np.full(n, -0.03), np.zeros(n), -rng.uniform(0, 3e-3, n) * rng.integers(2, size=n)])
+    high = np.concatenate([np.full(n, 0.03), np.zeros(n), np.full(n, 0.1)])
+    return SimpleNamespace(P=P, q=q, A=A, l=low, u=high)
+
+
+def test_limits_that_are_nearly_parallel_are_solved_exactly():
+    rng, active = np.random.default_rng(2), []
+    for _ in range(300):
+        problem = nearly_parallel(rng)
+        x, y, kkt = solve_exactly(problem)
+        assert kkt < 1e-9 and kkt == kkt_residual(problem, x, y)
+        active.append((np.abs(y[16:]) > 1e-7).sum())
+    assert np.mean(active) > 1
+    problem.l[16:], problem.u[16:] = problem.l[16:] + 10, problem.u[16:] + 10
+    assert solve_exactly(problem)[2] == np.inf
 
 
 @pytest.mark.parametrize("torque", [False, True])
@@ -302,6 +333,11 @@ def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, se
     assert rescued.ok  # the active limits were guessed right, and the residual proves it
     assert rescued.command == pytest.approx(solve_ik(problem).command, abs=1e-9)
     monkeypatch.setattr(solver, "polish", lambda problem, x, y, *_: (x, y, kkt_residual(problem, x, y)))
+    exact = IkSolver(3, **settings).solve(problem)
+    assert exact.ok and exact.kkt < 1e-12
+    assert exact.command == pytest.approx(rescued.command, abs=1e-9)
+    none = np.zeros(3), np.zeros(3), np.inf
+    monkeypatch.setattr(solver, "solve_exactly", lambda problem: none)
     held = IkSolver(3, **settings).solve(problem)
     assert held.status == rescued.status
     assert not held.ok

@@ -342,6 +342,7 @@ def test_a_solver_that_fails_holds_and_recovers(monkeypatch):
             "tripod_ik.solver.polish",
             lambda problem, x, y, *_: (x * np.nan, y, kkt_residual(problem, x * np.nan, y)),
         )
+        patch.setattr("tripod_ik.solver.solve_exactly", lambda problem: (problem.q, problem.l, np.inf))
         failed = one.update(state, 0.02)
     assert failed.activity is Activity.SOLVER_FAILED
     assert failed.result.kkt == np.inf
