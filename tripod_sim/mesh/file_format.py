@@ -23,13 +23,14 @@ MARKS = (
     ("medit", COMMENTS + rb"MeshVersionFormatted\b"),
     ("abaqus", rb"\s*\*+[^\n]*\n"),
     ("avsucd", COMMENTS + rb"\d+[ \t]+\d+[ \t]+\d+[ \t]+\d+[ \t]+\d+[ \t]*\r?\n"),
+    ("step", rb"\s*ISO-10303-21;"),
     ("ply", rb"ply\r?\n"),
     ("stl", rb"\s*solid\b[^\n]*\n\s*facet\b"),
     ("obj", COMMENTS + rb"(?:vn?|vt|f|o|g|s|mtllib|usemtl)[ \t]"),
 )
 """How files of each format begin, by meshio's names, and `gid`."""
 
-ENDINGS = {".gidmsh": "gid", ".obj": "obj", ".stl": "stl"}
+ENDINGS = {".gidmsh": "gid", ".obj": "obj", ".stl": "stl", ".step": "step", ".stp": "step"}
 """Formats by the ending of a name, of those that meshio does not read or that have readers here."""
 
 
