@@ -1,4 +1,4 @@
-"""Quadratic tetrahedra whose mid-edge nodes lie on a curved surface, as far as the elements stay good."""
+"""Meshes whose nodes are moved onto a curved surface, as far as the elements stay good."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.mesh.solid_mesh import SolidMesh, element_quality
 
 KEPT = 0.5
-"""Least quality of a curved element, in parts of that of the straight one."""
+"""Least quality of an element afterwards, in parts of that before."""
 
 HALVINGS = 4
 """How often the way of the nodes of a bad element is halved before they stay where they were."""
@@ -21,7 +21,7 @@ def curved(mesh: SolidMesh, places: FloatArray) -> tuple[SolidMesh, int]:
     way, a quarter, and so on; in the end they stay.
 
     Args:
-        mesh: With straight edges; each element has a positive quality.
+        mesh: Of one kind of element; each has a positive quality.
         places: Of each node [m], shape (n, 3).
     """
     straight = element_quality(mesh)

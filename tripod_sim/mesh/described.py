@@ -37,7 +37,8 @@ def described_mesh(description: Mesh) -> SolidMesh:
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
 
-        mesh = read_solid(Path(description.source), description.scale, description.element)
+        source = Path(description.source)
+        mesh = read_solid(source, description.scale, description.element, description.size)
         kind, notes = None, mesh.notes
     else:
         raise SceneError(

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,16 @@ from tripod_sim.mesh.fit import fit_element
 from tripod_sim.mesh.gid import read_gid
 from tripod_sim.mesh.lines import MAX_BYTES
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.tables.bodies import AUTO
+
+PARTS = ("stl", "obj", "step")
+"""Formats of surfaces and of CAD files, which have no cells."""
 
 PATIENCE = 20.0
 """Longest processor time to read a file [s], besides one second per megabyte."""
 
 
-def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
+def read_solid(path: Path, scale: float, element: str, size: float | None = None) -> SolidMesh:
     """Return the volume mesh of a file.
 
     Cells without volume are left out, and nodes that only they use. Which elements the cells of a file allow is in
@@ -35,6 +40,7 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
         path: GiD text, or what meshio reads; `format_of` tells which.
         scale: Length unit of the file [m].
         element: Name of the element, or `auto`.
+        size: Length of an edge [m], of a part (STL, OBJ, STEP), which is filled with tetrahedra.
 
     Raises:
         SceneError: no such file, not readable as a mesh, too large, or without cells of which the element is made.
@@ -45,11 +51,12 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
         file_format = format_of(path)
     except OSError as error:
         raise SceneError(f"mesh.source: {name} cannot be read: {error.strerror}") from None
-    if file_format in ("obj", "stl"):
-        raise SceneError(
-            f"mesh.source: {name} has no cells with a volume: {file_format.upper()} files hold surfaces. Fill it "
-            "with cells first, for instance with gmsh; obstacles.source, rigid.source and springs.source take surfaces"
-        )
+    if file_format in PARTS:
+        from tripod_sim.mesh.part.kept import as_element, kept_mesh  # noqa: PLC0415 - a mesh file needs no mesher
+
+        kept, notes = kept_mesh(path, file_format, scale, size)
+        mesh = as_element(read_solid(kept, 1.0, AUTO), element)
+        return replace(mesh, notes=notes)
     cells = read_gid(path, f"mesh.source: {name}") if file_format == "gid" else _read(path, file_format)
     return fit_element(cells, element, scale, name)
 

@@ -48,11 +48,14 @@ CELL_BYTES, BASE_BYTES = 8e3, 3e8
 LEAST_QUALITY = 0.01
 """Of an element, the smallest scaled Jacobian: flatter ones make steps fail."""
 
-NEAR, NEAREST = 1e-3, 2e-4
+NEAR, NEAREST = 5e-3, 2e-4
 """How far the new surface may be from the old one, in parts of the diagonal: at most, and at least."""
 
 OF_SIZE = 0.05
 """The same, in parts of the length of an edge, within these bounds."""
+
+NOTICED = 1e-9
+"""Distance of a node from the surface that is rounding, in parts of the largest extent."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +146,8 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     mesh, less = found
     if less:
         notes.append(
-            f"{less} nodes in the middle of edges are not on the surface, because elements would bend too much there; "
-            "a smaller size avoids it"
+            f"{less} nodes are not quite on the surface, because elements would bend too much there; a smaller size "
+            "avoids it"
         )
     check_mesh(mesh, name)
     quality = element_quality(mesh)
@@ -265,16 +268,23 @@ def _fill_surface(surface: PartSurface, settings: PartSettings, name: str, say: 
     made = run_mesher("tetwild", given, settings.time_limit, name, say)
     if not len(made["cells"]):
         raise SceneError(f"{name} cannot be meshed: no inside was found; correct the surface in the CAD program")
-    mesh = linear_mesh(made["points"], made["cells"])
-    facts = {"volume": surface.mesh.volume}
-    if settings.element == "t4":
-        return (mesh, 0), {}, facts
-    mesh = convert(mesh, "t10")
+    mesh = tetrahedra(made["points"], made["cells"])
+    say("moving nodes onto the surface")
+    target = NearestSurface(vertices, triangles)
+    mesh, less = _on_surface(mesh, target)
+    if settings.element == "t10":
+        mesh, less = _on_surface(convert(mesh, "t10"), target)
+    return (mesh, less), {}, {"volume": surface.mesh.volume}
+
+
+def _on_surface(mesh: SolidMesh, target: NearestSurface) -> tuple[SolidMesh, int]:
+    """Return a mesh with the nodes of its boundary on a surface, and how many are not quite there."""
     places = np.array(mesh.nodes)
-    middles = np.unique(np.concatenate([faces.nodes[:, 3:].ravel() for faces in mesh.boundary]))
-    say("bending the edges onto the surface")
-    places[middles] = NearestSurface(vertices, triangles).places(mesh.nodes[middles])[0]
-    return curved(mesh, places), {}, facts
+    own = np.unique(np.concatenate([faces.nodes.ravel() for faces in mesh.boundary]))
+    places[own], distances = target.places(mesh.nodes[own])
+    own = own[distances < NOTICED * np.ptp(mesh.nodes, axis=0).max()]
+    places[own] = mesh.nodes[own]
+    return curved(mesh, places)
 
 
 def _fill_cad(path: Path, settings: PartSettings, name: str, say: Say) -> Filled:
@@ -285,7 +295,7 @@ def _fill_cad(path: Path, settings: PartSettings, name: str, say: Say) -> Filled
     cells, points = made["cells"], made["points"]
     extent = float(np.ptp(points, axis=0).max())
     check_size(settings.size, extent, float(made["volume"]), name)
-    mesh = linear_mesh(points, cells[:, :4])
+    mesh = tetrahedra(points, cells[:, :4])
     number = np.full(len(points), -1)
     less = 0
     if settings.element == "t4":
@@ -308,7 +318,7 @@ def _fill_cad(path: Path, settings: PartSettings, name: str, say: Say) -> Filled
     return (mesh, less), faces, {"volume": made["volume"], "distance": made["distance"]}
 
 
-def linear_mesh(points: FloatArray, cells: IndexArray) -> SolidMesh:
+def tetrahedra(points: FloatArray, cells: IndexArray) -> SolidMesh:
     """Return a mesh of right-handed linear tetrahedra, without nodes that none has.
 
     Args:

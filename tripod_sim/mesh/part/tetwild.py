@@ -15,6 +15,9 @@ import numpy as np
 
 from tripod_host.parent import die_with_parent
 
+MANY = 100_000
+"""Triangles from which on the surface is simplified first: below that, it takes longer than it saves."""
+
 
 def main(parent: str, source: str, target: str) -> int:
     """Read, fill, write; return the exit code."""
@@ -32,7 +35,11 @@ def main(parent: str, source: str, target: str) -> int:
 
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
         nodes, cells = tetrahedralize(
-            points, triangles.astype(np.int32), edge_length_abs=size, epsilon=distance / diagonal
+            points,
+            triangles.astype(np.int32),
+            edge_length_abs=size,
+            epsilon=distance / diagonal,
+            simplify=len(triangles) > MANY,
         )
         np.savez(target, points=nodes, cells=cells.astype(np.int64))
     except Exception as error:  # noqa: BLE001 - whatever a library meets in a surface that is broken
