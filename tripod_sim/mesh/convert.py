@@ -50,7 +50,9 @@ def linear(mesh: SolidMesh) -> SolidMesh:
     kind = mesh.kind
     used, corners = np.unique(mesh.elements[:, : kind.corners], return_inverse=True)
     groups = {name: np.flatnonzero(np.isin(used, group)) for name, group in mesh.groups.items()}
-    return SolidMesh.of(mesh.nodes[used], corners.reshape(-1, kind.corners), kind.plain, groups, mesh.cell_groups)
+    return SolidMesh.of(
+        mesh.nodes[used], corners.reshape(-1, kind.corners), kind.plain, groups, mesh.cell_groups
+    )
 
 
 def divided_groups(groups: Mapping[str, IndexArray], count: int) -> dict[str, IndexArray]:

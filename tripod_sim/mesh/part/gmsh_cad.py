@@ -1,9 +1,10 @@
-"""Fills the solids of a STEP file with tetrahedra by gmsh, as a program of its own: `gmsh_cad.py PARENT IN.npz OUT.npz`.
+"""Fills the solids of a STEP file with tetrahedra by gmsh, as a program: `gmsh_cad.py PARENT IN.npz OUT.npz`.
 
 gmsh is under the GPL, so nothing else imports it. IN.npz has `path`, the file, and `size`, the length of an edge [m].
 OUT.npz has, in metres, `points` (n, 3) and `cells` (m, 10), quadratic tetrahedra in VTK order, `triangles` (k, 6) and
-`faces` (k,), the faces of the geometry on which they are, `volume`, that of the solids, `solids`, their number, and
-`distance`, the largest one of a triangle's centre from the geometry. With exit code 1 standard output holds the reason
+`faces` (k,), the faces of the geometry on which they are, `volume`, that of the solids [m³], and `distance`, the
+largest one of a triangle's centre from the geometry. For a size of 0 it has `extent`, the largest one, and `volume`
+alone. With exit code 1 standard output holds the reason
 instead. The program ends with the process PARENT.
 """
 
@@ -63,6 +64,10 @@ def filled(path: str, size: float) -> dict[str, Any]:
     if not solids:
         surfaces = len(gmsh.model.getEntities(2))
         raise ValueError(f"it has no solid, but {surfaces} faces; export the part as a solid")
+    volume = sum(gmsh.model.occ.getMass(3, tag) for tag in solids)
+    if not size:
+        low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+        return {"extent": float((high - low).max()), "volume": volume}
     gmsh.model.mesh.generate(3)
     tags, places, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
@@ -84,8 +89,7 @@ def filled(path: str, size: float) -> dict[str, Any]:
         "cells": cells,
         "triangles": np.concatenate(triangles),
         "faces": np.concatenate(faces),
-        "volume": sum(gmsh.model.occ.getMass(3, tag) for tag in solids),
-        "solids": len(solids),
+        "volume": volume,
         "distance": distance,
     }
 

@@ -21,9 +21,7 @@ VERSION = 1
 FIELD = "mesh.source"
 
 
-def kept_mesh(
-    path: Path, file_format: str, scale: float, size: float | None
-) -> tuple[Path, tuple[str, ...]]:
+def kept_mesh(path: Path, file_format: str, scale: float, size: float | None) -> tuple[Path, tuple[str, ...]]:
     """Return the file with the quadratic mesh of a part, and notes where it was made just now.
 
     Args:
@@ -42,7 +40,9 @@ def kept_mesh(
         )
     cad = file_format in CAD
     if cad and scale != 1.0:
-        raise SceneError(f"mesh.scale is {scale:g}, but {str(path)!r} names its own length unit; leave it out")
+        raise SceneError(
+            f"mesh.scale is {scale:g}, but {str(path)!r} names its own length unit; leave it out"
+        )
     settings = PartSettings(size, None if cad else scale)
     what = json.dumps([VERSION, asdict(settings)], sort_keys=True).encode()
     digest = hashlib.sha256(what + read_file(path, MAX_BYTES)).hexdigest()[:12]

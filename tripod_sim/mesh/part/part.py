@@ -132,16 +132,15 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     name = f"{field}: {str(path)!r}"
     say("reading the part")
     file_format = part_format(path, field)
+    check_part(file_format, name)
+    notes = list[str]()
     if file_format in SURFACES:
         surface, notes = read_part(path, file_format, settings, name)
+        extent = float(np.ptp(surface.mesh.vertices, axis=0).max())
+        check_size(settings.size, extent, surface.mesh.volume, name)
         found, faces, facts = _fill_surface(surface, settings, name, say)
-    elif file_format in CAD:
-        notes = []
-        found, faces, facts = _fill_cad(path, settings, name, say)
     else:
-        raise SceneError(
-            f"{name} is a file of {file_format or 'an unknown format'}; allowed: STL, OBJ and STEP"
-        )
+        found, faces, facts = _fill_cad(path, settings, name, say)
     say("checking the mesh")
     mesh, less = found
     if less:
@@ -176,6 +175,35 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     )  # fmt: skip
 
 
+def part_extent(path: Path, settings: PartSettings, field: str, say: Say = lambda _: None) -> float:
+    """Return the largest extent of a part [m], before it is meshed. Raises SceneError as `mesh_part`."""
+    name = f"{field}: {str(path)!r}"
+    file_format = part_format(path, field)
+    if file_format in CAD:
+        given = {"path": str(path.resolve()), "size": 0.0}
+        return float(run_mesher("gmsh_cad", given, settings.time_limit, name, say)["extent"])
+    check_part(file_format, name)
+    surface, _ = read_part(path, file_format, settings, name)
+    return float(np.ptp(surface.mesh.vertices, axis=0).max())
+
+
+def check_part(file_format: str, name: str) -> None:
+    """Raise SceneError, which begins with `name`, where a format is none of a part."""
+    if file_format not in (*SURFACES, *CAD):
+        raise SceneError(
+            f"{name} is a file of {file_format or 'an unknown format'}; allowed: STL, OBJ and STEP"
+        )
+
+
+def check_extent(extent: float, name: str) -> None:
+    """Raise SceneError, which begins with `name`, where a part is so long or short [m] that its unit is wrong."""
+    if not SMALLEST <= extent <= LARGEST:
+        raise SceneError(
+            f"{name} would be {extent:.4g} m long (allowed: {SMALLEST:g} to {LARGEST:g} m), so its length unit is "
+            "wrong; name it, such as --unit mm, or scale = 0.001 in a scene, or export it with the right one"
+        )
+
+
 def read_part(
     path: Path, file_format: str, settings: PartSettings, name: str
 ) -> tuple[PartSurface, list[str]]:
@@ -188,11 +216,7 @@ def read_part(
         notes.append(
             f"the unit of {path.name} is taken to be {'mm' if extent > 1 else 'm'}: its largest extent is {extent:.4g}"
         )
-    if not SMALLEST <= extent * unit <= LARGEST:
-        raise SceneError(
-            f"{name} would be {extent * unit:.4g} m long in the unit of {unit:g} m (allowed: {SMALLEST:g} to "
-            f"{LARGEST:g} m); name its unit, such as --unit mm, or scale = 0.001 in a scene"
-        )
+    check_extent(extent * unit, name)
     surface = closed(vertices * unit, triangles, name)
     if surface.holes:
         notes.append(
@@ -202,7 +226,6 @@ def read_part(
         notes.append(f"{surface.turned} triangles turned over, so that all face outwards")
     if surface.removed:
         notes.append(f"{surface.removed} triangles removed: without area, or given twice")
-    check_size(settings.size, extent * unit, surface.mesh.volume, name)
     return surface, notes
 
 
@@ -229,14 +252,13 @@ def check_size(size: float, extent: float, volume: float, name: str, memory: flo
     most = min(MOST_CELLS, max((room - BASE_BYTES) / CELL_BYTES, 1.0))
     if cells > most:
         fits = _rounded_up(1e3 * (SHARE * volume / most) ** (1 / 3))
-        why = (
-            f"at most {MOST_CELLS} are allowed"
-            if most == MOST_CELLS
-            else f"need {(cells * CELL_BYTES + BASE_BYTES) / 1e9:.3g} GB of memory; {room / 1e9:.3g} GB are free"
-        )
+        why = f"at most {MOST_CELLS} are allowed"
+        if most < MOST_CELLS:
+            need = (cells * CELL_BYTES + BASE_BYTES) / 1e9
+            why = f"which need {need:.3g} GB of memory, and {room / 1e9:.3g} GB are free"
         raise SceneError(
-            f"{name}: a size of {1e3 * size:.3g} mm gives about {cells:.2g} elements, {'which ' if 'need' in why else ''}"
-            f"{why}; give a size of at least {fits:g} mm"
+            f"{name}: a size of {1e3 * size:.3g} mm gives about {cells:.2g} elements, {why}; give a size of at least "
+            f"{fits:g} mm"
         )
 
 
@@ -267,7 +289,9 @@ def _fill_surface(surface: PartSurface, settings: PartSettings, name: str, say: 
     given = {"points": vertices, "triangles": triangles, "size": settings.size, "distance": near}
     made = run_mesher("tetwild", given, settings.time_limit, name, say)
     if not len(made["cells"]):
-        raise SceneError(f"{name} cannot be meshed: no inside was found; correct the surface in the CAD program")
+        raise SceneError(
+            f"{name} cannot be meshed: no inside was found; correct the surface in the CAD program"
+        )
     mesh = tetrahedra(made["points"], made["cells"])
     say("moving nodes onto the surface")
     target = NearestSurface(vertices, triangles)
@@ -291,10 +315,12 @@ def _fill_cad(path: Path, settings: PartSettings, name: str, say: Say) -> Filled
     """Return a mesh of the solids of a CAD file, and the triangles on its faces."""
     if settings.unit is not None:
         raise SceneError(f"{name} names its own length unit; leave out --unit, and scale in a scene")
-    made = run_mesher("gmsh_cad", {"path": str(path.resolve()), "size": settings.size}, settings.time_limit, name, say)
+    given = {"path": str(path.resolve()), "size": 0.0}
+    facts = run_mesher("gmsh_cad", given, settings.time_limit, name, say)
+    check_extent(float(facts["extent"]), name)
+    check_size(settings.size, float(facts["extent"]), float(facts["volume"]), name)
+    made = run_mesher("gmsh_cad", {**given, "size": settings.size}, settings.time_limit, name, say)
     cells, points = made["cells"], made["points"]
-    extent = float(np.ptp(points, axis=0).max())
-    check_size(settings.size, extent, float(made["volume"]), name)
     mesh = tetrahedra(points, cells[:, :4])
     number = np.full(len(points), -1)
     less = 0

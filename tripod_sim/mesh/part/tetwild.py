@@ -1,4 +1,4 @@
-"""Fills a closed surface with tetrahedra by fTetWild, as a program of its own: `tetwild.py PARENT IN.npz OUT.npz`.
+"""Fills a closed surface with tetrahedra by fTetWild, as a program: `tetwild.py PARENT IN.npz OUT.npz`.
 
 IN.npz has `points` (n, 3), `triangles` (m, 3), `size`, the length of an edge, and `distance`, how far the new surface
 may be from the old one. OUT.npz has `points` (k, 3) and `cells` (l, 4). With exit code 1 standard output holds the
@@ -29,7 +29,9 @@ def main(parent: str, source: str, target: str) -> int:
         with np.load(source, allow_pickle=False) as given:
             points, triangles = given["points"], given["triangles"]
             size, distance = float(given["size"]), float(given["distance"])
-        if importlib.util.find_spec("pyvista") is None:  # which it imports for its pictures, and does not require
+        if (
+            importlib.util.find_spec("pyvista") is None
+        ):  # which it imports for its pictures, and does not require
             sys.modules["pyvista"] = ModuleType("pyvista")
         from pytetwild import tetrahedralize  # noqa: PLC0415 - an optional package
 
