@@ -54,6 +54,9 @@ NEAR, NEAREST = 5e-3, 2e-4
 OF_SIZE = 0.05
 """The same, in parts of the length of an edge, within these bounds."""
 
+CLOSER = 0.2
+"""Factor of that distance for another try where the volume is too wrong."""
+
 NOTICED = 1e-9
 """Distance of a node from the surface that is rounding, in parts of the largest extent."""
 
@@ -137,7 +140,7 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     if file_format in SURFACES:
         surface, notes = read_part(path, file_format, settings, name)
         extent = float(np.ptp(surface.mesh.vertices, axis=0).max())
-        check_size(settings.size, extent, surface.mesh.volume, name)
+        check_size(settings.size, extent, surface.volume, name)
         found, faces, facts = _fill_surface(surface, settings, name, say)
     else:
         found, faces, facts = _fill_cad(path, settings, name, say)
@@ -222,6 +225,10 @@ def read_part(
         notes.append(
             f"{surface.holes} hole{'s' if surface.holes > 1 else ''} closed, up to {1e3 * surface.widest:.3g} mm wide"
         )
+    if surface.joined:
+        notes.append(f"cracks closed: vertices up to {1e3 * surface.joined:.2g} mm apart were joined")
+    if surface.volume != surface.mesh.volume:
+        notes.append("the surface crosses itself, or lies within itself; what it encloses twice counts once")
     if surface.turned:
         notes.append(f"{surface.turned} triangles turned over, so that all face outwards")
     if surface.removed:
@@ -286,19 +293,24 @@ def _fill_surface(surface: PartSurface, settings: PartSettings, name: str, say: 
     vertices, triangles = surface.mesh.vertices, surface.mesh.triangles
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     near = float(np.clip(OF_SIZE * settings.size, NEAREST * diagonal, NEAR * diagonal))
-    given = {"points": vertices, "triangles": triangles, "size": settings.size, "distance": near}
-    made = run_mesher("tetwild", given, settings.time_limit, name, say)
-    if not len(made["cells"]):
+    given = {"points": vertices, "triangles": triangles, "size": settings.size}
+    while True:
+        made = run_mesher("tetwild", {**given, "distance": near}, settings.time_limit, name, say)
+        mesh = tetrahedra(made["points"], made["cells"])
+        change = abs(float(solid_volumes(mesh).sum()) / surface.volume - 1)
+        if change <= settings.volume_change or near < NEAREST * diagonal:
+            break
+        near *= CLOSER  # thin walls vanish where the surface may move too far
+    if not mesh.count:
         raise SceneError(
             f"{name} cannot be meshed: no inside was found; correct the surface in the CAD program"
         )
-    mesh = tetrahedra(made["points"], made["cells"])
     say("moving nodes onto the surface")
     target = NearestSurface(vertices, triangles)
     mesh, less = _on_surface(mesh, target)
     if settings.element == "t10":
         mesh, less = _on_surface(convert(mesh, "t10"), target)
-    return (mesh, less), {}, {"volume": surface.mesh.volume}
+    return (mesh, less), {}, {"volume": surface.volume}
 
 
 def _on_surface(mesh: SolidMesh, target: NearestSurface) -> tuple[SolidMesh, int]:
