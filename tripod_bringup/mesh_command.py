@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 FIRST = 5
 """Edges along the largest extent of the first mesh on the way to an accuracy."""
 
+SHOWN = 8
+"""Faces that are listed."""
+
 COLOUR, PIXELS = (214, 160, 120), (960, 720)
 """Of the picture of a mesh: the surface, and columns and rows."""
 
@@ -372,16 +375,20 @@ def rows(
         ),
         (
             "volume",
-            f"{1e9 * made.volume:.4g} mm³, before {1e9 * made.volume_before:.4g} mm³ ({change:+.2g} %)",
+            f"{1e9 * made.volume:.4g} mm³, before {1e9 * made.volume_before:.4g} mm³ ({change:+.2f} %)",
         ),
-        ("surface", f"at most {1e3 * made.distance:.2g} mm from that of the part"),
+        ("surface", f"at most {1e3 * round(made.distance, 9):.2g} mm from that of the part"),
         ("quality", f"{made.quality.min():.2g} of the worst element (1: a right angle, 0: flat)"),
         ("step", f"{1e3 * cost.step:.3g} ms of computing for {1e3 * cost.dt:.3g} ms, on this machine"),
     ]
     for k, volume in enumerate(made.cavities):
         found.append((f"cavity {k}", f"{1e9 * volume:.4g} mm³, for a chamber: cavity = {k}"))
     if made.faces:
-        found.append(("faces", ", ".join(made.faces)))
+        more = len(made.faces) - SHOWN
+        listed = ", ".join(list(made.faces)[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+        found.append(
+            ("faces", f"{listed}; sets of a scene{'' if files[0].suffix == '.msh' else ', by number'}")
+        )
     for trial in trials:
         found.append(
             (

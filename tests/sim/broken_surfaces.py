@@ -81,7 +81,7 @@ def surfaces() -> dict[str, Triangles]:
     brick, sphere = box(), ball()
     nan = brick.copy()
     nan[3, 1, 2] = np.nan
-    thin = tube(10, 9.5)
+    wall = np.array([[[15, 0, 0], [15, 20, 0], [15, 20, 10]], [[15, 0, 0], [15, 20, 10], [15, 0, 10]]])
     return {
         "box": brick,
         "ball": sphere,
@@ -107,9 +107,9 @@ def surfaces() -> dict[str, Triangles]:
         "touching": np.concatenate([box((10, 10, 10)), box((10, 10, 10), (10, 0, 0))]),
         "hollow": np.concatenate([ball(12), turned(ball(8), slice(None))]),
         "hollow_wrong": np.concatenate([ball(12), ball(8)]),
-        "thin_wall": thin,
+        "thin_wall": tube(10, 9.5),
         "thin_sheet": box((30, 20, 0.2)),
-        "inner_wall": np.concatenate([brick, [[[15, 0, 0], [15, 20, 0], [15, 20, 10]], [[15, 0, 0], [15, 20, 10], [15, 0, 10]]]]),
+        "inner_wall": np.concatenate([brick, wall]),
         "one_sided": moebius(),
         "not_finite": nan,
         "empty": np.zeros((0, 3, 3)),

@@ -42,6 +42,10 @@ class NearestSurface:
             nearest_places(part, self._corners, first, candidates, places[own], squares[own])
         return places, np.sqrt(squares)
 
+    def farthest(self, other: "NearestSurface") -> float:
+        """Return the largest distance of samples of another surface from this one [m]."""
+        return float(self.places(other.samples)[1].max())
+
 
 def divided(corners: FloatArray, longest: float) -> FloatArray:
     """Return triangles (m, 3, 3) divided until no side is longer than `longest`, which is positive."""
@@ -55,8 +59,3 @@ def divided(corners: FloatArray, longest: float) -> FloatArray:
         middle = 0.5 * (a + b)
         corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
     return np.concatenate(done)
-
-
-def surface_distance(first: NearestSurface, second: NearestSurface) -> float:
-    """Return the largest distance of samples of each surface from the other [m]."""
-    return float(max(second.places(first.samples)[1].max(), first.places(second.samples)[1].max()))

@@ -87,7 +87,10 @@ def run_mesher(program: str, given: dict[str, Any], limit: float, name: str, say
             why = " ".join(said.read_text(errors="replace").split())[:300]
             if LIBRARY in why:
                 why += "; install the system library, for gmsh: sudo apt-get install libglu1-mesa libxft2 libxcursor1"
-            why = why or f"the mesher {package} ended with {process.returncode}"
+            why = (
+                why
+                or f"the mesher {package} ended with {process.returncode}; is the file damaged? export it again"
+            )
             raise SceneError(f"{name} cannot be meshed: {why}")
         with np.load(target, allow_pickle=False) as found:
             return dict(found)

@@ -20,7 +20,7 @@ from tripod_sim.mesh.cavity import closed_surfaces
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.curved import curved
 from tripod_sim.mesh.file_format import format_of
-from tripod_sim.mesh.nearest import NearestSurface, surface_distance
+from tripod_sim.mesh.nearest import NearestSurface
 from tripod_sim.mesh.part.mesher import Say, run_mesher
 from tripod_sim.mesh.part.part_surface import PartSurface, closed, read_raw
 from tripod_sim.mesh.part.step_file import face_names
@@ -89,7 +89,8 @@ class PartMesh:
         faces: Triangles on each named face of the geometry, as nodes of `mesh`, shape (k, 3 or 6).
         tool: What made it.
         volume_before, volume: Of the closed surface or the geometry, and of the mesh [m³].
-        distance: Largest distance between the surface and that of the mesh [m].
+        distance: Largest distance between the surface and that of the mesh [m], of places on either; where the surface
+            crosses itself, of places on that of the mesh.
         quality: Smallest scaled Jacobian of each element, shape (m,); 1 at a right angle.
         notes: What users should know, one sentence each.
     """
@@ -170,7 +171,11 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     if file_format in SURFACES:
         say("comparing the surfaces")
         old = NearestSurface(surface.mesh.vertices, surface.mesh.triangles)
-        facts["distance"] = surface_distance(old, NearestSurface(mesh.nodes, mesh.surface))
+        new = NearestSurface(mesh.nodes, mesh.surface)
+        # what crosses itself has places inside, which the mesh does not keep
+        facts["distance"] = (
+            old.farthest(new) if surface.crosses else max(old.farthest(new), new.farthest(old))
+        )
     groups = {key: np.unique(rows) for key, rows in faces.items()}
     tool = "fTetWild" if file_format in SURFACES else "gmsh"
     return PartMesh(
@@ -227,7 +232,7 @@ def read_part(
         )
     if surface.joined:
         notes.append(f"cracks closed: vertices up to {1e3 * surface.joined:.2g} mm apart were joined")
-    if surface.volume != surface.mesh.volume:
+    if surface.crosses:
         notes.append("the surface crosses itself, or lies within itself; what it encloses twice counts once")
     if surface.turned:
         notes.append(f"{surface.turned} triangles turned over, so that all face outwards")

@@ -41,7 +41,7 @@ class PartSurface:
         holes: How many were closed by caps.
         widest: Largest extent of one of them [m].
         joined: Largest distance of vertices that were joined [m]; 0 if none were.
-        volume: Where the surface winds about a place, counted once [m³]: less than `mesh.volume` where it crosses itself.
+        volume: About which it winds, counted once [m³]; `mesh.volume` unless it crosses itself.
         turned: How many triangles were turned over.
         removed: How many triangles were removed: without area, or given twice.
     """
@@ -53,6 +53,11 @@ class PartSurface:
     joined: float
     turned: int
     removed: int
+
+    @property
+    def crosses(self) -> bool:
+        """Whether it crosses itself, or lies within itself."""
+        return self.volume != self.mesh.volume
 
 
 def read_raw(path: Path, file_format: str, name: str) -> tuple[FloatArray, IndexArray]:

@@ -42,6 +42,7 @@ def main(parent: str, source: str, target: str) -> int:
             edge_length_abs=size,
             epsilon=distance / diagonal,
             simplify=len(triangles) > MANY,
+            num_threads=1,  # with more it makes another mesh each time
         )
         np.savez(target, points=nodes, cells=cells.astype(np.int64))
     except Exception as error:  # noqa: BLE001 - whatever a library meets in a surface that is broken
