@@ -2,7 +2,6 @@
 
 import json
 import sys
-import tempfile
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -152,6 +151,7 @@ def mesh_command(
 ) -> int:
     """Mesh, write, report and return the exit code: 2 bad arguments, 1 accuracy not reached."""
     with loading("tripod mesh", shown=not quiet):
+        from tripod_host.writing import scratch_folder  # noqa: PLC0415 - not needed for the help
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
         from tripod_sim.mesh.part.part import UNITS, PartSettings  # noqa: PLC0415
         from tripod_sim.mesh.write import write_mesh  # noqa: PLC0415
@@ -164,13 +164,13 @@ def mesh_command(
             interruptible("tripod mesh", out, picture),
             progress_bar("reading the part", shown=not quiet and sys.stderr.isatty()) as progress,
             compiling_told("tripod mesh", progress.say if progress else None) if not quiet else nullcontext(),
-            tempfile.TemporaryDirectory(prefix="tripod-") as folder,
+            scratch_folder() as folder,
         ):
             say = Said(progress.say if progress else None, quiet=quiet)
             settings = PartSettings(
                 size or 0.0, UNITS[unit] if unit else None, element, volume_change, time_limit
             )
-            job = Job(part, settings, scene, Path(folder) / "part.msh", say)
+            job = Job(part, settings, scene, folder / "part.msh", say)
             trials = job.meshes_for(accuracy, most_unknowns) if accuracy is not None else job.one_mesh()
             assert job.made
             say("timing a step")
@@ -282,9 +282,11 @@ class Job:
     def _make(self, size: float) -> None:
         from tripod_sim.mesh.part.part import mesh_part  # noqa: PLC0415 - not needed for the help
         from tripod_sim.mesh.write import write_mesh  # noqa: PLC0415
+        from tripod_study.part import HELD, held_faces  # noqa: PLC0415
 
         self.made = mesh_part(self._part, replace(self._settings, size=size), "PART", self._say)
-        write_mesh(self._file, self.made.mesh, self.made.faces)
+        mesh = self.made.mesh
+        write_mesh(self._file, mesh, {**self.made.faces, HELD: held_faces(mesh)})
 
     def _error_of(self, size: float) -> tuple[float, int]:
         """Return error and unknowns of the mesh of a size."""
@@ -366,7 +368,7 @@ def rows(
     """Return what is known of a mesh as names and texts for people."""
     low, high = made.mesh.nodes.min(axis=0), made.mesh.nodes.max(axis=0)
     reach = " x ".join(f"{1e3 * e:.4g}" for e in high - low)
-    change = 100 * (made.volume / made.volume_before - 1)
+    change = round(100 * (made.volume / made.volume_before - 1), 2) + 0.0  # no -0.00
     found = [
         ("part", f"{reach} mm, from ({', '.join(f'{1e3 * c:.4g}' for c in low)}) mm"),
         (

@@ -7,11 +7,12 @@ from time import thread_time
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.effects.damping import Damping
 from tripod_sim.effects.gravity import Gravity
 from tripod_sim.effects.inertia import Inertia
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.bodies import Material, Mesh
@@ -19,7 +20,10 @@ from tripod_sim.tables.sets import Fixed
 from tripod_study.spatial_error import spatial_error
 
 CLAMPED = 0.05
-"""Length of the end that is held, in parts of the largest extent."""
+"""Length of the end whose faces are held, in parts of the largest extent."""
+
+HELD = "held_end"
+"""Name of the set that is held."""
 
 SAG = 0.01
 """How far the free end goes down, about, in parts of the largest extent: Young's modulus is chosen for that."""
@@ -34,20 +38,28 @@ LARGEST_CHANGE, MARGIN = 0.5, 0.9
 """Of the size from one mesh to the next: at most by this factor; and what is taken beyond the estimate."""
 
 
+def held_faces(mesh: SolidMesh) -> IndexArray:
+    """Return the faces at the lower end of the longest side of a part of tetrahedra, shape (k, 3 or 6), k > 0.
+
+    Faces are held, not a box: a finer mesh of the part then holds the same.
+    """
+    low, extent = mesh.nodes.min(axis=0), np.ptp(mesh.nodes, axis=0)
+    long = int(extent.argmax())
+    rows = np.concatenate([faces.nodes for faces in mesh.boundary])
+    reach = mesh.nodes[rows][:, :, long].max(axis=1) - low[long]
+    return rows[reach <= max(CLAMPED * extent[long], (1 + 1e-6) * float(reach.min()))]
+
+
 def bar_scene(file: Path, nodes: FloatArray) -> Scene:
     """Return the scene of a part that is held at one end of its longest side and bends a little under its weight.
 
     Args:
-        file: Its mesh, in metres.
+        file: Its mesh, in metres, in which the set `HELD` is held.
         nodes: Of that [m], shape (n, 3).
     """
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
-    extent = high - low
-    long, margin = int(extent.argmax()), 1e-6 * extent.max()
-    end = np.array(high)
-    end[long] = low[long] + CLAMPED * extent[long]
+    extent = np.ptp(nodes, axis=0)
     down = [0.0, 0.0, 0.0]
-    down[2 if long != 2 else int(extent[:2].argmin())] = -WEIGHT
+    down[2 if extent.argmax() != 2 else int(extent[:2].argmin())] = -WEIGHT
     # the sag of a bar of rectangular section is 3/2 rho g L⁴ / (E t²)
     young = 1.5 * DENSITY * WEIGHT * extent.max() ** 3 / (SAG * extent.min() ** 2)
     return Scene(
@@ -57,13 +69,8 @@ def bar_scene(file: Path, nodes: FloatArray) -> Scene:
         gravity=Gravity((down[0], down[1], down[2])),
         inertia=Inertia(),
         damping=Damping(),
-        fixed=(Fixed(low=_vector(low - margin), high=_vector(end + margin)),),
+        fixed=(Fixed(set=HELD),),
     )
-
-
-def _vector(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 def scene_with(scene: Scene, file: Path) -> Scene:

@@ -1,14 +1,13 @@
 """Writes meshes of tetrahedra as VTK's .vtu or gmsh's .msh, the named faces with them."""
 
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from tripod_host.arrays import IndexArray
-from tripod_host.writing import replaced
+from tripod_host.writing import replaced, scratch_folder
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
@@ -56,7 +55,7 @@ def write_mesh(path: Path, mesh: SolidMesh, faces: Mapping[str, IndexArray]) -> 
         named = {re.sub(r'[\s"]', "_", name): np.array([k, 2]) for k, name in enumerate(faces, 1)}
         data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
         found = meshio.Mesh(mesh.nodes, blocks, cell_data=data, field_data=named)
-    with tempfile.TemporaryDirectory(prefix="tripod-") as folder, replaced(path) as file:
-        made = Path(folder) / f"mesh{path.suffix.lower()}"
+    with scratch_folder() as folder, replaced(path) as file:
+        made = folder / f"mesh{path.suffix.lower()}"
         meshio.write(made, found, file_format)
         file.write(made.read_bytes())

@@ -4,7 +4,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 import tripod_host
 from tripod_host import stop
+from tripod_host.writing import scratch_folder
 from tripod_sim.errors import SceneError
 
 Say = Callable[[str], None]
@@ -47,8 +47,8 @@ def run_mesher(program: str, given: dict[str, Any], limit: float, name: str, say
         raise SceneError(
             f"{name}: meshing needs the package {package}, which is not installed: pip install 'tripod[{extra}]'"
         )
-    with tempfile.TemporaryDirectory(prefix="tripod-") as folder:
-        source, target, said = (Path(folder) / file for file in ("in.npz", "out.npz", "said"))
+    with scratch_folder() as folder:
+        source, target, said = (folder / file for file in ("in.npz", "out.npz", "said"))
         np.savez(source, allow_pickle=False, **given)
         words = [str(Path(__file__).with_name(f"{program}.py")), str(os.getpid()), str(source), str(target)]
         paths = [str(Path(tripod_host.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
@@ -64,9 +64,6 @@ def run_mesher(program: str, given: dict[str, Any], limit: float, name: str, say
         def end() -> None:
             process.kill()
             process.wait()
-            for file in Path(folder).iterdir():
-                file.unlink()
-            Path(folder).rmdir()
 
         start = time.monotonic()
         with stop.first(end):
