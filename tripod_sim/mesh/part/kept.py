@@ -9,8 +9,9 @@ from tripod_host.reading import read_file
 from tripod_sim.elements.tetrahedron import T4, T10
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.mesh.convert import linear
+from tripod_sim.mesh.file_format import CAD
 from tripod_sim.mesh.lines import MAX_BYTES
-from tripod_sim.mesh.part.part import CAD, PartSettings, mesh_part
+from tripod_sim.mesh.part.part import PartSettings, mesh_part
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.write import check_writable, write_mesh
 from tripod_sim.tables.bodies import AUTO
@@ -26,7 +27,7 @@ def kept_mesh(path: Path, file_format: str, scale: float, size: float | None) ->
 
     Args:
         path: The part, a file that can be read.
-        file_format: Of `part.SURFACES` or `part.CAD`.
+        file_format: Of `file_format.PARTS`.
         scale: Length unit of the file [m]; 1 for a CAD file, which names its own.
         size: Length of an edge [m].
 
@@ -35,8 +36,8 @@ def kept_mesh(path: Path, file_format: str, scale: float, size: float | None) ->
     """
     if size is None:
         raise SceneError(
-            f"{FIELD}: {str(path)!r} is a part without cells, so mesh.size is needed: the length of an edge [m], such "
-            "as a tenth of the largest extent. tripod mesh finds it for an accuracy"
+            f"{FIELD}: {str(path)!r} has no cells with a volume. To fill it, give mesh.size, the length of an edge, "
+            "which tripod mesh finds for an accuracy. obstacles.source, rigid.source and springs.source take surfaces"
         )
     cad = file_format in CAD
     if cad and scale != 1.0:

@@ -19,16 +19,12 @@ from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cavity import closed_surfaces
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.curved import curved
-from tripod_sim.mesh.file_format import format_of
+from tripod_sim.mesh.file_format import CAD, PARTS, SURFACES, checked_format
 from tripod_sim.mesh.nearest import NearestSurface
 from tripod_sim.mesh.part.mesher import Say, run_mesher
 from tripod_sim.mesh.part.part_surface import PartSurface, closed, read_raw
 from tripod_sim.mesh.part.step_file import face_names
-from tripod_sim.mesh.read import check_file
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality, solid_volumes
-
-SURFACES, CAD = ("stl", "obj"), ("step",)
-"""Formats of surfaces and of CAD files."""
 
 UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "inch": 0.0254}
 """Length units of surface files [m]."""
@@ -111,15 +107,6 @@ class PartMesh:
         return tuple(volume for volume in volumes if volume > 0)
 
 
-def part_format(path: Path, field: str) -> str:
-    """Return the format of a part: of `SURFACES`, of `CAD`, or another. Raises SceneError where it is not readable."""
-    check_file(path, field)
-    try:
-        return format_of(path)
-    except OSError as error:
-        raise SceneError(f"{field}: {str(path)!r} cannot be read: {error.strerror or error}") from None
-
-
 def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda _: None) -> PartMesh:
     """Return the mesh of a part.
 
@@ -135,7 +122,7 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     """
     name = f"{field}: {str(path)!r}"
     say("reading the part")
-    file_format = part_format(path, field)
+    file_format = checked_format(path, field)
     check_part(file_format, name)
     notes = list[str]()
     if file_format in SURFACES:
@@ -186,7 +173,7 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
 def part_extent(path: Path, settings: PartSettings, field: str, say: Say = lambda _: None) -> float:
     """Return the largest extent of a part [m], before it is meshed. Raises SceneError as `mesh_part`."""
     name = f"{field}: {str(path)!r}"
-    file_format = part_format(path, field)
+    file_format = checked_format(path, field)
     if file_format in CAD:
         given = {"path": str(path.resolve()), "size": 0.0}
         return float(run_mesher("gmsh_cad", given, settings.time_limit, name, say)["extent"])
@@ -197,7 +184,7 @@ def part_extent(path: Path, settings: PartSettings, field: str, say: Say = lambd
 
 def check_part(file_format: str, name: str) -> None:
     """Raise SceneError, which begins with `name`, where a format is none of a part."""
-    if file_format not in (*SURFACES, *CAD):
+    if file_format not in PARTS:
         raise SceneError(
             f"{name} is a file of {file_format or 'an unknown format'}; allowed: STL, OBJ and STEP"
         )
