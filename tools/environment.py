@@ -36,8 +36,8 @@ SPOILED = {
 }
 """Steps that must be done again once the one before them is."""
 
-EXTRAS_WITH_WHEELS = "build,dev,docs,labs,msgs,plot,record,ros,view"
-EXTRAS_WITH_SOURCED_ROS = "build,dev,docs,labs,plot,record,view"
+EXTRAS_WITH_WHEELS = "build,cad,dev,docs,labs,msgs,plot,record,ros,step,view"
+EXTRAS_WITH_SOURCED_ROS = "build,cad,dev,docs,labs,plot,record,step,view"
 
 
 def main() -> int:

@@ -8,7 +8,7 @@ from typer.core import TyperGroup
 
 GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Start here": ("doctor", "run", "up"),
-    "Simulate": ("play", "print", "show"),
+    "Simulate": ("mesh", "play", "print", "show"),
     "Robot": ("calibrate", "flash", "ik", "reach", "teleop"),
     "Record": ("bag", "record"),
     "Analyse": ("explain", "identify", "study"),

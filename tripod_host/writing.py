@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
+from shutil import rmtree
+from tempfile import TemporaryDirectory
 from typing import BinaryIO, TextIO
 
 from tripod_host import stop
@@ -58,6 +60,13 @@ def replaced_text(path: str | Path) -> Iterator[TextIO]:
         yield text
         text.flush()
         text.detach()
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Yield a new folder that is removed when the block ends, also by a signal."""
+    with TemporaryDirectory(prefix="tripod-") as name, stop.first(lambda: rmtree(name, ignore_errors=True)):
+        yield Path(name)
 
 
 def sync_directory(directory: Path) -> None:

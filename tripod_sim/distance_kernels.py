@@ -131,3 +131,28 @@ def across(u0: float, u1: float, u2: float, out: Array) -> None:
     length = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     for i in range(3):
         out[i] /= length
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_places(
+    points: Array, corners: Array, first: Array, candidates: Array, places: Array, squares: Array
+) -> None:
+    """Write the place of triangles nearest to each point, and its squared distance.
+
+    Args:
+        points: Positions [m], shape (k, 3).
+        corners: Of the triangles [m], shape (m, 3, 3).
+        first: The candidates of point p are candidates[first[p] : first[p + 1]], shape (k + 1,).
+        candidates: Triangles, shape (c,).
+        places: Takes the nearest places [m], shape (k, 3); stays as it is for a point without candidates.
+        squares: Takes the squared distances [m²], shape (k,).
+    """
+    for p in range(len(points)):
+        squares[p] = np.inf
+        for k in range(first[p], first[p + 1]):
+            a, b, c = corners[candidates[k], 0], corners[candidates[k], 1], corners[candidates[k], 2]
+            wa, wb, wc, square = point_triangle_distance(points[p], a, b, c)
+            if square < squares[p]:
+                squares[p] = square
+                for i in range(3):
+                    places[p, i] = wa * a[i] + wb * b[i] + wc * c[i]

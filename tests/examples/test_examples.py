@@ -22,6 +22,7 @@ COMMANDS = dict(
 """Name of the example by the command that runs it."""
 SAYS = {
     "own_mesh": [(("tip", "beam"), r"\d\.\d\d mm.*\d\.\d\d mm")],
+    "own_part": [(("notched.step", "faces"), r"26 .*80 mm")],
     "own_robot": [(("our own", "effector"), r"\d\.\d\d mm")],
     "own_maze": [
         (("refused", "maze 'closed.txt'", "goal"), r"row \d.*row \d"),

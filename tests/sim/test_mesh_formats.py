@@ -83,7 +83,9 @@ def test_gid_is_read_by_any_name(tmp_path: Path) -> None:
 def test_a_surface_is_no_solid_and_the_message_says_what_to_do(tmp_path: Path) -> None:
     """Faces with normals, as most programs write them, which meshio does not read."""
     (tmp_path / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 1\nf 1//1 2//1 3//1\n")
-    with raises_naming(SceneError, "cube.obj", "cells with a volume", "OBJ", "gmsh", "obstacles.source"):
+    with raises_naming(
+        SceneError, "cube.obj", "cells with a volume", "mesh.size", "tripod mesh", "obstacles.source"
+    ):
         described_mesh(Mesh(str(tmp_path / "cube.obj")))
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.messages import assert_names, raises_naming
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh import obj, read
+from tripod_sim.mesh import file_format, obj
 from tripod_sim.mesh.obj import read_obj
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.surface_mesh import SurfaceMesh, check_surface
@@ -316,12 +316,12 @@ def test_files_that_cannot_be_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         assert_names(message(wall, scale), "maze.source", f"scale is {scale} m", "finite", "above 0 m")
     other = tmp_path / "wall.step"
     other.write_bytes(b"x")
-    assert_names(message(other), "maze.source", "'/wall.step'", "unknown", "OBJ", "STL")
+    assert_names(message(other), "maze.source", "'/wall.step'", "step", "OBJ", "STL")
     other.write_bytes(b"# vtk DataFile Version 3.0\n")
     assert_names(message(other), "maze.source", "'/wall.step'", "vtk", "OBJ", "STL")
     other.write_bytes(ASCII)
     check_surface(read_surface(other, 1.0, "maze.source"), "by its content")
-    monkeypatch.setattr(read, "MAX_BYTES", 10)
+    monkeypatch.setattr(file_format, "MAX_BYTES", 10)
     assert_names(message(wall), "maze.source", "file '/wall.STL'", "larger than 10 bytes")
 
 

@@ -116,13 +116,14 @@ def test_your_first_soft_robot(terminal: Terminal, checkout: Path) -> None:
 @pytest.mark.slow
 def test_your_own_robot(terminal: Terminal, checkout: Path) -> None:
     [program] = re.findall(r"```python\n(.*?)```", text(OWN), re.S)
-    [scene] = re.findall(r"```toml\n(.*?)```", text(OWN), re.S)
+    [scene, part] = re.findall(r"```toml\n(.*?)```", text(OWN), re.S)
     shown = {}
     for line in typed(OWN):
         shown[line] = works(terminal, line)
         if line == "cd my_robot":
             (checkout / "my_robot" / "make_mesh.py").write_text(program)
             (checkout / "my_robot" / "bridge.toml").write_text(scene)
+            (checkout / "my_robot" / "notched.toml").write_text(part)
     for said in (said for line, said in shown.items() if "inertia=off" in line):
         error = re.search(r"effector (about \S+ mm)", said)
         assert error

@@ -45,6 +45,16 @@ def convert(mesh: SolidMesh, name: str) -> SolidMesh:
     return SolidMesh.of(nodes, elements, kind, groups, cell_groups)
 
 
+def linear(mesh: SolidMesh) -> SolidMesh:
+    """Return the mesh of linear elements on the corners of a mesh of one kind; their edges are straight."""
+    kind = mesh.kind
+    used, corners = np.unique(mesh.elements[:, : kind.corners], return_inverse=True)
+    groups = {name: np.flatnonzero(np.isin(used, group)) for name, group in mesh.groups.items()}
+    return SolidMesh.of(
+        mesh.nodes[used], corners.reshape(-1, kind.corners), kind.plain, groups, mesh.cell_groups
+    )
+
+
 def divided_groups(groups: Mapping[str, IndexArray], count: int) -> dict[str, IndexArray]:
     """Return groups of elements of which each is divided into `count` that follow each other."""
     return {name: (count * group[:, None] + np.arange(count)).ravel() for name, group in groups.items()}

@@ -35,9 +35,7 @@ def described_mesh(description: Mesh) -> SolidMesh:
         kind = ELEMENTS[description.element]
         mesh = block(description.scale * np.array(description.corners), description.cells)
     elif "." in description.source:
-        from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
-
-        mesh = read_solid(Path(description.source), description.scale, description.element)
+        mesh = _from_file(Path(description.source), description)
         kind, notes = None, mesh.notes
     else:
         raise SceneError(
@@ -55,6 +53,19 @@ def described_mesh(description: Mesh) -> SolidMesh:
         mesh = refine(mesh)
     check_mesh(mesh, f"mesh.source {description.source!r}")
     return replace(mesh, notes=notes)
+
+
+def _from_file(path: Path, description: Mesh) -> SolidMesh:
+    """Return the mesh in a file, or that of a part, which is made where there is none yet. Raises SceneError."""
+    from tripod_sim.mesh.file_format import PARTS, checked_format  # noqa: PLC0415 - only where it is described
+    from tripod_sim.mesh.read import read_solid  # noqa: PLC0415
+
+    if (file_format := checked_format(path, "mesh.source")) not in PARTS:
+        return read_solid(path, description.scale, description.element)
+    from tripod_sim.mesh.part.kept import as_element, kept_mesh  # noqa: PLC0415
+
+    kept, notes = kept_mesh(path, file_format, description.scale, description.size)
+    return replace(as_element(read_solid(kept, 1.0, AUTO), description.element), notes=notes)
 
 
 def element_of(description: Mesh) -> str:

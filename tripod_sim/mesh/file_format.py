@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from tripod_host.reading import open_file
+from tripod_sim.errors import SceneError
 from tripod_sim.mesh.lines import MAX_BYTES
 from tripod_sim.mesh.stl import HEADER, RECORD
 
@@ -23,14 +24,37 @@ MARKS = (
     ("medit", COMMENTS + rb"MeshVersionFormatted\b"),
     ("abaqus", rb"\s*\*+[^\n]*\n"),
     ("avsucd", COMMENTS + rb"\d+[ \t]+\d+[ \t]+\d+[ \t]+\d+[ \t]+\d+[ \t]*\r?\n"),
+    ("step", rb"\s*ISO-10303-21;"),
     ("ply", rb"ply\r?\n"),
     ("stl", rb"\s*solid\b[^\n]*\n\s*facet\b"),
     ("obj", COMMENTS + rb"(?:vn?|vt|f|o|g|s|mtllib|usemtl)[ \t]"),
 )
 """How files of each format begin, by meshio's names, and `gid`."""
 
-ENDINGS = {".gidmsh": "gid", ".obj": "obj", ".stl": "stl"}
+ENDINGS = {".gidmsh": "gid", ".obj": "obj", ".stl": "stl", ".step": "step", ".stp": "step"}
 """Formats by the ending of a name, of those that meshio does not read or that have readers here."""
+
+
+SURFACES, CAD = ("stl", "obj"), ("step",)
+"""Formats of surfaces and of CAD files."""
+
+PARTS = (*SURFACES, *CAD)
+"""Formats without cells: parts that are to be filled."""
+
+
+def checked_format(path: Path, field: str) -> str:
+    """Return the format of a file, as `format_of`.
+
+    Raises SceneError, which begins with the name of the scene's `field`: it is no file, too large, or not readable.
+    """
+    try:
+        return format_of(path)
+    except FileNotFoundError:
+        raise SceneError(
+            f"{field}: file {str(path)!r} does not exist; paths count from the folder of the scene file"
+        ) from None
+    except OSError as error:
+        raise SceneError(f"{field}: file {str(path)!r} cannot be read: {error.strerror or error}") from None
 
 
 def format_of(path: Path) -> str:

@@ -11,14 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tripod_host.reading import open_file
 from tripod_sim.elements.catalogue import SIZES
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cells import Cells
-from tripod_sim.mesh.file_format import format_of
+from tripod_sim.mesh.file_format import PARTS, checked_format
 from tripod_sim.mesh.fit import fit_element
 from tripod_sim.mesh.gid import read_gid
-from tripod_sim.mesh.lines import MAX_BYTES
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 PATIENCE = 20.0
@@ -40,30 +38,11 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
         SceneError: no such file, not readable as a mesh, too large, or without cells of which the element is made.
     """
     name = repr(str(path))
-    check_file(path, "mesh.source")
-    try:
-        file_format = format_of(path)
-    except OSError as error:
-        raise SceneError(f"mesh.source: {name} cannot be read: {error.strerror}") from None
-    if file_format in ("obj", "stl"):
-        raise SceneError(
-            f"mesh.source: {name} has no cells with a volume: {file_format.upper()} files hold surfaces. Fill it "
-            "with cells first, for instance with gmsh; obstacles.source, rigid.source and springs.source take surfaces"
-        )
+    file_format = checked_format(path, "mesh.source")
+    if file_format in PARTS:
+        raise SceneError(f"mesh.source: {name} has no cells with a volume; fill it with cells by tripod mesh")
     cells = read_gid(path, f"mesh.source: {name}") if file_format == "gid" else _read(path, file_format)
     return fit_element(cells, element, scale, name)
-
-
-def check_file(path: Path, field: str) -> None:
-    """Refuse what is no file, or too large. Raises SceneError that begins with the name of the scene's `field`."""
-    try:
-        open_file(path, MAX_BYTES).close()
-    except FileNotFoundError:
-        raise SceneError(
-            f"{field}: file {str(path)!r} does not exist; paths count from the folder of the scene file"
-        ) from None
-    except OSError as error:
-        raise SceneError(f"{field}: file {str(path)!r} cannot be read: {error.strerror}") from None
 
 
 def _read(path: Path, file_format: str) -> Cells:

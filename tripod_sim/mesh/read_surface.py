@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.file_format import format_of
+from tripod_sim.mesh.file_format import SURFACES, checked_format
 from tripod_sim.mesh.lines import MOST_TRIANGLES
 from tripod_sim.mesh.obj import read_obj
-from tripod_sim.mesh.read import check_file
 from tripod_sim.mesh.stl import read_stl
 from tripod_sim.mesh.surface_mesh import SurfaceMesh, check_surface
 
@@ -32,13 +31,9 @@ def read_surface(
     """
     if not (math.isfinite(scale) and scale > 0):
         raise SceneError(f"{field}: scale is {scale} m; it must be a finite number above 0 m")
-    check_file(path, field)
+    file_format = checked_format(path, field)
     name = f"{field}: {str(path)!r}"
-    try:
-        file_format = format_of(path)
-    except OSError as error:
-        raise SceneError(f"{name} cannot be read: {error.strerror or error}") from None
-    if file_format not in ("obj", "stl"):
+    if file_format not in SURFACES:
         raise SceneError(f"{name} is a file of {file_format or 'an unknown format'}; allowed: OBJ and STL")
     if file_format == "obj":
         vertices, triangles = read_obj(path, name, owner, most)

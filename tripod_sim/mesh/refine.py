@@ -9,7 +9,7 @@ from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.elements.tetrahedron import right_handed
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.convert import convert, divided_groups
+from tripod_sim.mesh.convert import convert, divided_groups, linear
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3))
@@ -20,7 +20,8 @@ INSIDE = ((6, 8, 4, 5), (6, 8, 5, 9), (6, 8, 9, 7), (6, 8, 7, 4))
 def refine(mesh: SolidMesh) -> SolidMesh:
     """Return a mesh of the same element with eight times as many, every cell divided at the middles of its edges.
 
-    The nodes of the corners stay where they are; edges become straight.
+    The nodes of the corners stay where they are, and those in the middles of edges and faces that a part has as
+    corners; edges become straight.
 
     Raises:
         SceneError: there is no such division of the mesh's cells, or it has several kinds of them.
@@ -36,11 +37,8 @@ def refine(mesh: SolidMesh) -> SolidMesh:
             "mesh in the program that made it, and set mesh.refine = 0"
         )
     kind, plain = mesh.kind, mesh.kind.plain
-    used, corners = np.unique(np.asarray(mesh.elements)[:, : kind.corners], return_inverse=True)
-    nodes, corners = mesh.nodes[used], corners.reshape(-1, kind.corners)
-    groups = {name: np.flatnonzero(np.isin(used, group)) for name, group in mesh.groups.items()}
     full, parts = HALVED[plain.cell]
-    fine = convert(SolidMesh.of(nodes, corners, plain, groups), full)
+    fine = mesh if kind.name == full else convert(linear(mesh), full)
     cells = np.asarray(fine.elements)[:, parts()]
     cell_groups = divided_groups(mesh.cell_groups, cells.shape[1])
     cells = cells.reshape(-1, kind.corners)

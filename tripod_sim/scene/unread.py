@@ -26,7 +26,16 @@ class Reads:
 
 
 READS = {
-    Mesh: Reads("source", {"y_piece": ("level", "legs"), "block": ("corners", "cells", "scale")}, ("scale",)),
+    Mesh: Reads(
+        "source",
+        {
+            "y_piece": ("level", "legs"),
+            "block": ("corners", "cells", "scale"),
+            **dict.fromkeys((".stl", ".obj"), ("scale", "size")),
+            **dict.fromkeys((".step", ".stp"), ("size",)),
+        },
+        ("scale",),
+    ),
     Springs: Reads("source", {"chain": ("nodes", "size"), "grid": ("nodes", "size")}, ("scale",)),
     Maze: Reads("source", {".stl": ("scale", "start", "goal")}, ("pitch", "wall", "height", "hole_radius")),
 }

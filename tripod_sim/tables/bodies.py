@@ -34,7 +34,8 @@ class Mesh:
     Attributes:
         source: The generators `y_piece` and `block` (a brick, or what it becomes with other corners), or the path of a
             file with tetrahedra, hexahedra or wedges (relative to the scene's file): GiD text, gmsh, VTK, Abaqus and
-            what else meshio reads; the content tells the format, whatever the name.
+            what else meshio reads; the content tells the format, whatever the name. A part (STL, OBJ, STEP) is filled
+            with tetrahedra, once; the mesh is kept beside it.
         level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
             8 to 11 for compliant clamps, whose bedded ends they divide, too; 12 (`h8_modes`) and 13 (`h20`) graded for
             them with as few unknowns as 1 % takes at rest; 14 (`h20`) as 0.5 % takes in motion.
@@ -45,6 +46,7 @@ class Mesh:
             `w6` of wedges. In a file with several kinds of cells each becomes an element with its own nodes (linear
             tetrahedra `t4`), those that the element fits the one named here.
         scale: Length unit of a file or of `corners` [m]: 0.001 for millimetres.
+        size: Length of an edge of the tetrahedra in a part [m].
         refine: How many times every edge is halved, so that each element becomes eight.
         legs: Strips of the piece, evenly about Z; the servos' `count` goes with it.
         corners: Of a block, eight in VTK order: four below, counter-clockwise seen from above, and those over them, in
@@ -56,6 +58,7 @@ class Mesh:
     level: int = number(2, low=1, high=14)
     element: str = one_of(AUTO, *ELEMENTS, default=AUTO)
     scale: float = number(1.0, unit="m", above=0, high=1e3)
+    size: float | None = number(None, unit="m", above=0, high=1e3)
     refine: int = number(0, low=0, high=3)
     legs: int = number(3, low=3, high=6)
     corners: tuple[tuple[float, float, float], ...] = number((), unit="m", low=-1e3, high=1e3)

@@ -1,5 +1,6 @@
 """A film: what moves, as named arrays over time, for whoever shows it. Metres, seconds, z up. Pure."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,7 @@ class Deforming:
         colour: Of its surface, 0 to 255.
         through: Whether it is seen through others, faintly.
         fields: Numbers at its nodes.
+        lines: Pairs of nodes between which pictures show lines on the surface, shape (l, 2).
     """
 
     name: str
@@ -70,6 +72,7 @@ class Deforming:
     colour: Rgb
     through: bool = False
     fields: tuple[Field, ...] = ()
+    lines: IndexArray = dataclasses.field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
 
 @dataclass(frozen=True, eq=False)

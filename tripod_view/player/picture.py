@@ -31,6 +31,9 @@ ARROW, THICK = 0.4, 0.012
 HEAD, WIDE, FACES = 5.0, 2.2, 10
 """Length and width of the head of an arrow over its thickness, and faces of it."""
 
+LINES = (30.0, 40.0, 50.0)
+"""Colour of lines on bodies."""
+
 SKY, GROUND_HAZE, GRID, SHADOW = (244, 247, 250), (221, 228, 234), (120.0, 135.0, 150.0), 0.87
 
 
@@ -67,6 +70,9 @@ class Painter:
                 shades = self._light(vertices, triangles, centre)[:, None, None] * colours
                 fill_triangles(self._seen(vertices, centre), triangles, shades, image, depth)
         for body in self._film.bodies:
+            if len(body.lines):
+                seen = self._seen(body.positions[k], centre)
+                draw_lines(seen, body.lines, np.array(LINES), 0.5, image, depth)
             if body.through:
                 whole, near = image.copy(), np.zeros(image.shape[:2])
                 shades = np.full((len(body.triangles), 1, 3), body.colour, float)
