@@ -36,8 +36,8 @@ SPOILED = {
 }
 """Steps that must be done again once the one before them is."""
 
-EXTRAS_WITH_WHEELS = "build,cad,dev,docs,labs,msgs,plot,record,ros,step,view"
-EXTRAS_WITH_SOURCED_ROS = "build,cad,dev,docs,labs,plot,record,step,view"
+EXTRAS_WITH_WHEELS = "build,cad,dev,docs,labs,large,msgs,plot,record,ros,step,view"
+EXTRAS_WITH_SOURCED_ROS = "build,cad,dev,docs,labs,large,plot,record,step,view"
 
 
 def main() -> int:
