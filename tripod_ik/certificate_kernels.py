@@ -167,7 +167,7 @@ def eliminate(matrix: Array, right: Array) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Array, changes: int) -> None:
-    """Write the solution to z = (x, y), or where rows contradict each other or `changes` do not suffice, what was found.
+    """Write the solution to z = (x, y), or what was found where rows contradict each other or `changes` end.
 
     The dual method [GoldfarbIdnani1983] starts at the minimum without rows and makes the most violated row active,
     again and again. The dual value rises with each row that becomes active, so no set of active rows occurs twice, even
