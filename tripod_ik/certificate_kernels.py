@@ -5,7 +5,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 
-VIOLATED, DEPENDENT = 1e-11, 1e-9
+VIOLATED, DEPENDENT = 1e-9, 1e-7
 """A row counts as satisfied to so much [rad]; a row counts as a combination of others if that part of it is left."""
 
 
@@ -166,8 +166,8 @@ def eliminate(matrix: Array, right: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Array, changes: int) -> bool:
-    """Write the solution to z = (x, y); return False if rows contradict each other, or `changes` do not suffice.
+def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Array, changes: int) -> None:
+    """Write the solution to z = (x, y), or what was found where rows contradict each other or `changes` end.
 
     The dual method [GoldfarbIdnani1983] starts at the minimum without rows and makes the most violated row active,
     again and again. The dual value rises with each row that becomes active, so no set of active rows occurs twice, even
@@ -194,7 +194,7 @@ def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Ar
         if row < 0:
             row, side = _most_violated(A, low, high, x, which[:count])
             if row < 0:
-                return True
+                return
         missing = side * ((low[row] if side > 0 else high[row]) - (A[row] * x).sum())
         d = side * (inverse @ A[row])
         r, w = np.zeros(0), d
@@ -209,7 +209,7 @@ def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Ar
                 step, leaves = missing / square, -1
             x += step * (inverse.T @ w)
         elif leaves < 0:
-            return False
+            return
         for a in range(count):
             y[which[a]] += step * r[a]
         y[row] -= step * side
@@ -224,7 +224,6 @@ def dual_active_set(P: Array, q: Array, A: Array, low: Array, high: Array, z: Ar
             count -= 1
             for a in range(leaves, count):
                 which[a], B[:, a] = which[a + 1], B[:, a + 1]
-    return False
 
 
 @njit(cache=True, error_model="numpy")

@@ -109,7 +109,7 @@ def test_limits_that_are_nearly_parallel_are_solved_exactly():
         active.append((np.abs(y[16:]) > 1e-7).sum())
     assert np.mean(active) > 1
     problem.l[16:], problem.u[16:] = problem.l[16:] + 10, problem.u[16:] + 10
-    assert solve_exactly(problem)[2] == np.inf
+    assert solve_exactly(problem)[2] > 1
 
 
 @pytest.mark.parametrize("torque", [False, True])
