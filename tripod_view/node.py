@@ -105,7 +105,7 @@ class ViewNode(Node):
         self._extras: dict[str, Subscription] = {}
         self._fields: dict[str, str] = {}
         self._patient = Patient()
-        self._sim_joints_at = float("-inf")
+        self._sim_joints_at, self._slide = float("-inf"), 0.0  # [m]: the driver does not know it
         self._target_asked = False
         self._commanded_at = float("-inf")
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
@@ -307,7 +307,9 @@ class ViewNode(Node):
             if topic == names.ROBOT_JOINT_STATES:  # whose driver may know fewer
                 others = tuple(joint for joint in others if joint.name in message.name)
             values = joint_values(message.name, message.position, message.effort, others)
-            joints = np.array(values if names.SLIDE in message.name else (*values, 0.0))
+            if names.SLIDE in message.name:
+                self._slide = values[-1]
+            joints = np.array(values if names.SLIDE in message.name else (*values, self._slide))
             self._fit(names.count_servos(message.name))
         except (JointError, CommandError) as error:
             self._refuse(topic, error)
