@@ -1,9 +1,8 @@
 """Take pictures of the pages that `tripod run ... --view` opens, for the tutorials: `python docs/player_pictures.py`.
 
 With names of pictures only those are taken. Each is made from the file that `--html` writes for the same command. Needs
-Chromium. The pictures of your own robot need bridge.vtk and bridge.toml of docs/own_robot.md in the working directory;
-own_2 is the live page: `python benchmarks/page_picture.py bridge.toml own_2.png --size 1400 800 --card joints --zoom 6
---servo "0:0,0; 2:-1.35,-1.6; 90:-1.35,-1.6" --slide "0:0; 2:0.035; 90:0.035"`.
+Chromium. own_1 needs bridge.vtk and bridge.toml of docs/own_robot.md in the working directory. The pictures of the
+live page: docs/page_pictures.py.
 """
 
 import shutil
@@ -25,9 +24,14 @@ SHOWN = {
     "first_3": (["tripod", "--set", "material.young=50kPa"], 1.75),
     "first_4": (["tripod", "--servo", "0:0,0,0; 1:-1.640,-1.174,-1.174", "--slide", "35mm"], 2.0),
     "first_5": (["tripod_ball"], 0.6),
+    "film_colours": (["finger_pneumatic", "--colour", "von_mises"], 1.0),
+    "film_forces": (["tripod", "--forces"], 1.0),
     "own_1": (["bridge.toml"], 1.4),
 }
 """Words of `tripod run`, and the time that is shown [s], by the name of the picture."""
+
+LARGE = (1400, 816)
+"""Window of the pictures of films [px]: legend and list of forces need room beside the bodies."""
 
 
 def take(page: Page, words: list[str], when: float, out: Path) -> None:
@@ -36,11 +40,16 @@ def take(page: Page, words: list[str], when: float, out: Path) -> None:
         path = Path(folder) / "run.html"
         program = [sys.executable, "-c", "from tripod_bringup.cli import main; main()", "run"]
         subprocess.run([*program, *words, "--html", str(path)], check=True, stdout=subprocess.DEVNULL)
+        large = out.stem.startswith("film_")
+        page.set_viewport_size(dict(zip(("width", "height"), LARGE if large else SIZE, strict=True)))
         page.goto(f"{path.as_uri()}#t={when}")
+        page.wait_for_function("() => document.querySelector('#clock').textContent")
+        for box in page.locator("#arrows label:not([hidden]) input").all():
+            box.check()
         page.wait_for_timeout(1e3 * DRAWN)
         page.screenshot(path=f"{folder}/page.png")
-        with Image.open(f"{folder}/page.png") as large:
-            large.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS).save(out, quality=90)
+        with Image.open(f"{folder}/page.png") as taken:
+            taken.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS).save(out, quality=80, method=6)
 
 
 def main(names: list[str]) -> None:

@@ -427,7 +427,7 @@ class LiveColours extends Colours {
     this.view.uncover();
     this.find([]);
     this.view.recolour = false;
-    byId("legend-title").textContent = this.chosen;
+    byId("legend-title").textContent = this.label;
     this.note((value("replay")?.age ?? null) === null ? "waiting for values" : "the replay does not have it");
   }
 }
