@@ -17,7 +17,7 @@ export function tellPicked(view, plotNode) {
     if (!place) { show(null); return; }
     if (view.isBall(hit.part)) {
       const { place: middle, speed, force } = view.ball(), mm = (1e3 * speed).toPrecision(2);
-      const pressed = Number.isFinite(force) ? `; contact force ${Number(force.toPrecision(2))} N` : "";
+      const pressed = Number.isFinite(force) ? `; contact force ${Number(force.toPrecision(2))} N` : "; contact force: with Forces on";
       told.textContent = `ball at [${short(middle)}] m${Number.isFinite(speed) ? `; speed ${Number(mm)} mm/s` : ""}${pressed}`;
       copy.hidden = true;
       return;
