@@ -69,11 +69,11 @@ class QuasiNewton(Newton):
 
     def _start(self) -> None:
         """Begin where nodes are foreseen, if the potential is lower there, with the tangent turned to it."""
+        foreseen, self.foreseen = self.foreseen, None
         if self._size <= self.tolerance:
             return
-        if self.foreseen is not None and not self.system.reduction.bodies:
-            self._foresee(self.foreseen)
-        self.foreseen = None
+        if foreseen is not None and not self.system.reduction.bodies:
+            self._foresee(foreseen)
         self._turn(self._state)
 
     def _foresee(self, places: FloatArray) -> None:
