@@ -1,7 +1,7 @@
 """Time of a step and memory of large meshes, before and after one factorisation served many steps, beside MuJoCo.
 
     python benchmarks/large.py [--sizes 1k 8k 25k 80k] [--element t4 t10] [--poisson 0.3 0.45 0.49] [--steps 50]
-                               [--shape beam block] [--only new old mujoco] [--limit 600] [--hard]
+                               [--shape beam block] [--only new old mujoco] [--limit 600] [--hard] [--write]
 
 A beam of 20 x 2 x 2 cm (250 kPa) and a cube of 20 cm (3 kPa), held at one end, fall under their weight from rest, in
 steps of 10 ms. `new`: as scenes do by default; `old`: Newton's method with AMD's order, and conjugate gradients beyond
@@ -11,7 +11,8 @@ integrator `implicitfast`. Each runs in a process of its own, at most `--limit` 
 Prints a JSON object each: unknowns; median and 95th percentile of the CPU time of the steps [ms]; iterations and
 factorisations a step; largest memory [MB]; height of the tip in the end [m]; and a product of 1000 x 1000 [ms], which
 tells how fast the machine is. `--hard` runs twenty hard cases with 25,000 unknowns instead: jumps of the tip, steps of
-0.1 s and more, crushed elements; it prints how far `new` and `old` get, and where the body is then.
+0.1 s and more, crushed elements; it prints how far `new` and `old` get, and where the body is then. `--write` puts a
+table into docs/speed.md.
 """
 
 import argparse
@@ -30,6 +31,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 # isort: split
 import numpy as np
 
+from benchmarks.doc_parts import write_part
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton
@@ -224,6 +226,39 @@ def cases(wanted: argparse.Namespace) -> list[dict[str, Any]]:
     return found
 
 
+def table(found: list[dict[str, Any]]) -> list[str]:
+    """Return a Markdown table of bodies, with the times of each program [ms]."""
+    rows: dict[tuple[Any, ...], dict[str, dict[str, Any]]] = {}
+    for one in found:
+        body = (one["shape"], one["element"], one["poisson"], one["size"])
+        rows.setdefault(body, {})[one["who"]] = one
+    lines = [
+        "| body | element | Poisson's ratio | unknowns | median, 95th percentile [ms] | before [ms] "
+        "| memory, before [MB] | MuJoCo [ms] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for (shape, element, nu, _), who in rows.items():
+        new, old, other = (who.get(name, {}) for name in ("new", "old", "mujoco"))
+        memory = f"{new.get('memory', '')}, {old.get('memory', '')}"
+        cells = (shape, element, nu, new.get("unknowns", ""), _times(new), _times(old), memory, _times(other))
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    product = np.median([one["product"] for one in found if "product" in one])
+    return [
+        *lines,
+        "",
+        f"CPU time of one thread; a 1000 x 1000 float64 product took {product:.0f} ms beside it.",
+    ]
+
+
+def _times(found: dict[str, Any]) -> str:
+    """Return median and 95th percentile [ms] in words, or what happened instead."""
+    if "median" in found:
+        return f"{found['median']:.3g}, {found['p95']:.3g}" + (
+            "" if found.get("finite", True) else "; diverged"
+        )
+    return found.get("error", "")
+
+
 def main() -> None:
     """Run each case in a process of its own, and print."""
     parser = argparse.ArgumentParser(
@@ -237,11 +272,13 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=50)
     parser.add_argument("--limit", type=float, default=600.0)
     parser.add_argument("--hard", action="store_true")
+    parser.add_argument("--write", action="store_true")
     parser.add_argument("--case", help=argparse.SUPPRESS)
     wanted = parser.parse_args()
     if wanted.case:
         print(json.dumps(run_one(json.loads(wanted.case))))
         return
+    done_cases = []
     for case in cases(wanted):
         try:
             done = subprocess.run(
@@ -253,6 +290,9 @@ def main() -> None:
         except subprocess.TimeoutExpired:
             found = {"error": f"not done in {wanted.limit:g} s"}
         print(json.dumps({**case, **found}), flush=True)
+        done_cases.append({**case, **found})
+    if wanted.write:
+        write_part("speed.md", "large", table(done_cases))
 
 
 if __name__ == "__main__":
