@@ -2,10 +2,7 @@
 
 `film.webp`: four scenes as `tripod run` shows them; `robots.webp`: four robots with cables and air.
 `promise_accuracy.png`: the stored study of the moving robot. `promise_stability.png`: the robot after a jump of its
-servos. `promise_effects.png`: the time of a step with more effects, measured on this machine. The picture of the page:
-`python benchmarks/page_picture.py tripod
-docs/images/page.png --size 1400 800 --card joints --zoom 6 --servo "0:0,0,0; 2:-1.25,-1.6,-1.65; 90:-1.25,-1.6,-1.65"
---slide "0:0; 2:0.035; 90:0.035"`.
+servos. `promise_effects.png`: the time of a step with more effects, measured on this machine.
 """
 
 import json

@@ -1,9 +1,8 @@
 """Take pictures of the pages that `tripod run ... --view` opens, for the tutorials: `python docs/player_pictures.py`.
 
 With names of pictures only those are taken. Each is made from the file that `--html` writes for the same command. Needs
-Chromium. The pictures of your own robot need bridge.vtk and bridge.toml of docs/own_robot.md in the working directory;
-own_2 is the live page: `python benchmarks/page_picture.py bridge.toml own_2.png --size 1400 800 --card joints --zoom 6
---servo "0:0,0; 2:-1.35,-1.6; 90:-1.35,-1.6" --slide "0:0; 2:0.035; 90:0.035"`.
+Chromium. own_1 needs bridge.vtk and bridge.toml of docs/own_robot.md in the working directory. The pictures of the
+live page: docs/page_pictures.py.
 """
 
 import shutil
