@@ -36,6 +36,9 @@ QUALITY, MOST_BYTES = 80, 60_000
 BALL_PLACES = ((0, 0), (6, 0), (-6, 0), (0, 6), (0, -6), (12, 0), (-12, 0), (0, 12), (0, -12))
 """Where the followed ball may be, from the middle of the picture [px]."""
 
+RUNS = "document.body.classList.contains('has-known') && document.querySelector('#run').textContent"
+"""Condition in a page: the simulator runs."""
+
 Step = Callable[[Page], None]
 
 
@@ -54,6 +57,16 @@ def choose(selector: str, value: str) -> Step:
 def fill(label: str, text: str) -> Step:
     """Return a step that types into the field of that label."""
     return lambda page: page.get_by_label(label).fill(text)
+
+
+def colour(field: str) -> Step:
+    """Return a step that colours bodies by a field and waits for its values."""
+
+    def choose_field(page: Page) -> None:
+        choose("#colour", field)(page)
+        page.locator("#legend-largest").wait_for(state="visible")
+
+    return choose_field
 
 
 def wait(seconds: float) -> Step:
@@ -139,7 +152,7 @@ BLOWN = ("finger_pneumatic", "--actuate", "air = 0: 0; " + " ".join(f"{t}: 20kPa
 SHOTS = {
     "page": Shot(("tripod", *WORKING_POSE), (zoom(6),), card="joints", size=(1400, 800), width=1000),
     "page_colours": Shot(
-        BLOWN, (choose("#colour", "von_mises"),), part="#stage", width=700
+        BLOWN, (colour("von_mises"),), part="#stage", width=700
     ),
     "page_forces": Shot(("tripod", *WORKING_POSE), (press("#forces"), zoom(6)), part="#stage", width=700),
     "page_hands": Shot(
@@ -159,7 +172,7 @@ SHOTS = {
         (choose("#follow", "/ball"), press("#top"), zoom(4), press("#path"), press("#forces"), wait(2.0), click_ball),
         card="accuracy",
     ),
-    "page_phone": Shot(("drape",), (choose("#colour", "stretch"),), size=(420, 800), width=420),
+    "page_phone": Shot(("drape",), (colour("stretch"),), size=(420, 800), width=420),
     "own_2": Shot(
         ("bridge.toml", "--servo", "0:0,0; 2:-1.35,-1.6; 900:-1.35,-1.6", "--slide", "0:0; 2:0.035; 900:0.035"),
         (zoom(6),),
@@ -186,7 +199,7 @@ def take(browser: Browser, shot: Shot, url: str, out: Path) -> None:
     page = browser.new_page(viewport={"width": width, "height": height})
     page.set_default_timeout(1e3 * PATIENCE)
     page.goto(url, wait_until="commit")
-    page.wait_for_function("() => document.body.classList.contains('has-known')", polling=100)
+    page.wait_for_function(f"() => {RUNS}", polling=100)
     page.get_by_text("Just watch").click()
     page.locator("#panel details.card").evaluate_all(
         "(cards, name) => cards.forEach((c) => (c.open = c.id === name))", shot.card

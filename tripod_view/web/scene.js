@@ -400,7 +400,7 @@ class LiveColours extends Colours {
     if (parts.length) { this.paint(parts); return; }
     this.view.uncover();
     this.view.recolour = false;
-    byId("legend-title").textContent = this.chosen;
+    byId("legend-title").textContent = this.label;
     this.note((value("replay")?.age ?? null) === null ? "waiting for values" : "the replay does not have it");
   }
 }
