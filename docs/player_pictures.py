@@ -24,6 +24,8 @@ SHOWN = {
     "first_3": (["tripod", "--set", "material.young=50kPa"], 1.75),
     "first_4": (["tripod", "--servo", "0:0,0,0; 1:-1.640,-1.174,-1.174", "--slide", "35mm"], 2.0),
     "first_5": (["tripod_ball"], 0.6),
+    "film_colours": (["finger_pneumatic", "--colour", "von_mises"], 1.0),
+    "film_forces": (["tripod", "--forces"], 1.0),
     "own_1": (["bridge.toml"], 1.4),
 }
 """Words of `tripod run`, and the time that is shown [s], by the name of the picture."""
@@ -39,7 +41,7 @@ def take(page: Page, words: list[str], when: float, out: Path) -> None:
         page.wait_for_timeout(1e3 * DRAWN)
         page.screenshot(path=f"{folder}/page.png")
         with Image.open(f"{folder}/page.png") as large:
-            large.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS).save(out, quality=90)
+            large.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS).save(out, quality=80, method=6)
 
 
 def main(names: list[str]) -> None:
