@@ -96,6 +96,7 @@ def zoom(notches: int, across: float = 0.5, down: float = 0.5) -> Step:
         for _ in range(abs(notches)):
             page.mouse.wheel(0, -120 if notches > 0 else 120)
             page.wait_for_timeout(50)
+        page.mouse.move(*place(page, 0.02, 0.5))  # away from the handle, which it would highlight
 
     return turn
 
@@ -149,6 +150,10 @@ WORKING_POSE = (
 
 SHOTS = {
     "page": Shot(("tripod", *WORKING_POSE), (zoom(6),), card="joints", size=(1400, 800), width=1000),
+    "page_plots": Shot(
+        ("tripod", *WORKING_POSE), (zoom(6), click(0.4, 0.5), press("#plot-picked"), wait(10.0)), card="plots"
+    ),
+    "page_phone": Shot(("tripod", *WORKING_POSE), (colour("von_mises"),), size=(420, 800), width=420),
     "page_hands": Shot(
         ("tripod", *WORKING_POSE),
         (
@@ -161,10 +166,6 @@ SHOTS = {
         ),
         card="hands",
     ),
-    "page_plots": Shot(
-        ("tripod", *WORKING_POSE), (zoom(6), click(0.4, 0.5), press("#plot-picked"), wait(10.0)), card="plots"
-    ),
-    "page_phone": Shot(("tripod", *WORKING_POSE), (colour("von_mises"),), size=(420, 800), width=420),
     "page_maze": Shot(
         ("maze", "--demo"),
         (
@@ -191,7 +192,7 @@ SHOTS = {
         size=(1400, 800),
     ),
 }
-"""Pictures by name."""
+"""Pictures by name; those of the same words share a robot, in this order: a load stays."""
 
 
 def address(log: Path, chain: subprocess.Popen[bytes]) -> str:
@@ -219,7 +220,7 @@ def take(browser: Browser, shot: Shot, url: str, out: Path) -> None:
     for step in shot.steps:
         step(page)
     if shot.card:
-        page.locator(f"#{shot.card}").evaluate("(card) => card.scrollIntoView({ block: 'nearest' })")
+        page.locator(f"#{shot.card}").evaluate("(card) => card.scrollIntoView()")
     page.wait_for_timeout(1e3 * DRAWN)
     page.screenshot(path=out.with_suffix(".png"))
     page.close()
