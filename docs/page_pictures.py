@@ -150,10 +150,13 @@ WORKING_POSE = (
 
 SHOTS = {
     "page": Shot(("tripod", *WORKING_POSE), (zoom(6),), card="joints", size=(1400, 800), width=1000),
-    "page_plots": Shot(
-        ("tripod", *WORKING_POSE), (zoom(6), click(0.4, 0.5), press("#plot-picked"), wait(10.0)), card="plots"
+    "page_phone": Shot(
+        ("tripod", *WORKING_POSE),
+        (zoom(3), colour("von_mises")),
+        card="joints",
+        size=(420, 800),
+        width=420,
     ),
-    "page_phone": Shot(("tripod", *WORKING_POSE), (colour("von_mises"),), size=(420, 800), width=420),
     "page_hands": Shot(
         ("tripod", *WORKING_POSE),
         (
@@ -173,11 +176,12 @@ SHOTS = {
             press("#top"),
             zoom(4),
             press("#path"),
-            press("#forces"),
-            wait(2.0),
             click_ball,
+            press("#plot-picked"),
+            wait(20.0),
+            lambda page: page.locator("#more").scroll_into_view_if_needed(),
         ),
-        card="accuracy",
+        card="plots",
     ),
     "own_2": Shot(
         (
@@ -216,11 +220,11 @@ def take(browser: Browser, shot: Shot, url: str, out: Path) -> None:
     page.locator("#panel details.card").evaluate_all(
         "(cards, name) => cards.forEach((c) => (c.open = c.id === name))", shot.card
     )
+    if shot.card:
+        page.locator(f"#{shot.card}").evaluate("(card) => card.scrollIntoView()")
     page.wait_for_timeout(1e3 * DRAWN)
     for step in shot.steps:
         step(page)
-    if shot.card:
-        page.locator(f"#{shot.card}").evaluate("(card) => card.scrollIntoView()")
     page.wait_for_timeout(1e3 * DRAWN)
     page.screenshot(path=out.with_suffix(".png"))
     page.close()
