@@ -170,7 +170,7 @@ SHOTS = {
         card="hands",
     ),
     "page_maze": Shot(
-        ("maze", "--demo"),
+        ("maze", "--demo", "--duration", "600"),
         (
             choose("#follow", "/ball"),
             press("#top"),
@@ -178,7 +178,8 @@ SHOTS = {
             press("#path"),
             click_ball,
             press("#plot-picked"),
-            wait(20.0),
+            press("[aria-label^='remove the plot: real-time factor']"),
+            wait(12.0),
             lambda page: page.locator("#more").scroll_into_view_if_needed(),
         ),
         card="plots",

@@ -30,6 +30,9 @@ SHOWN = {
 }
 """Words of `tripod run`, and the time that is shown [s], by the name of the picture."""
 
+LARGE = (1400, 816)
+"""Window of the pictures of films [px]: legend and list of forces need room beside the bodies."""
+
 
 def take(page: Page, words: list[str], when: float, out: Path) -> None:
     """Run a scene, open its page at time `when` and write the picture."""
@@ -37,11 +40,16 @@ def take(page: Page, words: list[str], when: float, out: Path) -> None:
         path = Path(folder) / "run.html"
         program = [sys.executable, "-c", "from tripod_bringup.cli import main; main()", "run"]
         subprocess.run([*program, *words, "--html", str(path)], check=True, stdout=subprocess.DEVNULL)
+        large = out.stem.startswith("film_")
+        page.set_viewport_size(dict(zip(("width", "height"), LARGE if large else SIZE, strict=True)))
         page.goto(f"{path.as_uri()}#t={when}")
+        page.wait_for_function("() => document.querySelector('#clock').textContent")
+        for box in page.locator("#arrows label:not([hidden]) input").all():
+            box.check()
         page.wait_for_timeout(1e3 * DRAWN)
         page.screenshot(path=f"{folder}/page.png")
-        with Image.open(f"{folder}/page.png") as large:
-            large.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS).save(out, quality=80, method=6)
+        with Image.open(f"{folder}/page.png") as taken:
+            taken.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS).save(out, quality=80, method=6)
 
 
 def main(names: list[str]) -> None:

@@ -19,7 +19,7 @@ from playwright.sync_api import sync_playwright
 
 from tests import messages
 from tests.view.test_player import EVENT, coloured
-from tripod_view.player.film import Arrows, Film
+from tripod_view.player.film import Arrows, Curve, Film
 from tripod_view.player.html import write_html
 
 CHROMIUM = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), "")
@@ -274,6 +274,19 @@ def test_how_far_nodes_moved_is_a_colour(player: Player) -> None:
         player.page.locator("#legend-fixed").click()
     far = 1e3 * np.linalg.norm(positions[-1] - positions[0], axis=1).max()
     player.wait(f"Math.abs(Number(document.querySelector('#legend-high').value) - {far}) < {0.01 * far}")
+
+
+def test_a_plot_shows_rounding_as_zero(browser: Any, tmp_path: Path) -> None:
+    values = np.stack([np.linspace(1.0, 4.0, 4), np.full(4, -6e-15), np.full(4, 1e-6)], axis=1)
+    curve = Curve("place", "mm", ("x", "y", "z"), values)
+    write_html(replace(shown_film(), curves=(curve,)), tmp_path / "film.html")
+    player = Player(browser, tmp_path / "film.html")
+    shown = player.page.locator(".plot .legend").inner_text().split()
+    assert shown[0] == "x"
+    assert 1.0 <= float(shown[1]) <= 4.0
+    assert shown[2:] == ["y", "0", "z", "0.000001"]
+    player.page.close()
+    assert player.errors == []
 
 
 def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:

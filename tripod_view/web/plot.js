@@ -120,7 +120,8 @@ class Plot {
       const name = document.createElement("b"), v = s.at(i);
       name.style.color = COLOURS[c % COLOURS.length];
       name.textContent = `${s.name} `;
-      return [name, `${Number.isFinite(v) ? String(Number(v.toPrecision(4))) : "–"}  `];
+      const exact = Math.abs(v) > 1e-9 * (high - low) ? v : 0; // rounding is none
+      return [name, `${Number.isFinite(v) ? String(Number(exact.toPrecision(4))) : "–"}  `];
     }));
   }
 }
