@@ -18,7 +18,7 @@ from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import FACES
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh import read
+from tripod_sim.mesh import file_format, read
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
 from tripod_sim.mesh.y_piece import LEVELS, YLevel, YShape, y_piece
 from tripod_sim.scene.file import load_scene, scene_to_toml
@@ -480,7 +480,7 @@ def test_what_a_parser_prints_spoils_nothing(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(read, "MAX_BYTES", 100)
+    monkeypatch.setattr(file_format, "MAX_BYTES", 100)
     assert_names(file_refusal(write(tmp_path, PIECE)), "piece.vtk'", "larger", "100 bytes")
 
 

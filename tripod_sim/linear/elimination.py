@@ -31,7 +31,7 @@ def columns_of_factor(indptr: Array, indices: Array) -> tuple[Array, Array]:
                 i = parent[i]
     begin = np.cumsum(count)
     rows, used = np.empty(begin[n], dtype=np.int64), begin[:-1].copy()
-    mark[:] = -1
+    mark = np.full(n, -1)
     for k in range(n):
         mark[k] = k
         for e in range(indptr[k], indptr[k + 1]):

@@ -70,7 +70,8 @@ def _newton(draft: Draft, system: System) -> Newton:
 def _solver_to_tolerance(model: Model, system: System) -> Newton:
     """Return what goes to the tolerance: with a factorisation that serves many steps where the body is solid.
 
-    Errors that are estimated need that of the end of each step, or one of each length, and modes are condensed with that of the last assembly.
+    Errors that are estimated need that of the end of each step, or one of each length; modes are condensed with that of
+    the last assembly.
     """
     solver, elastic = model.solver, system.elastic
     solid = any(term.solid for term in elastic.terms) and not elastic.has_modes
