@@ -194,10 +194,12 @@ def test_a_mesh_that_is_written_is_read_with_its_faces(ending: str, element: str
 
 @tetwild
 @pytest.mark.parametrize("element", ["t4", "t10"])
-def test_a_ball_is_filled(element: str, tmp_path: Path) -> None:
+def test_a_ball_is_filled(element: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     found = mesh_part(
         write_stl(tmp_path / "a.stl", ball(level=3)), PartSettings(0.004, 1e-3, element), "PART"
     )
+    assert [path.name for path in tmp_path.iterdir()] == ["a.stl"], "the mesher leaves no file"
     assert found.mesh.kind is {"t4": T4, "t10": T10}[element]
     assert found.volume == pytest.approx(found.volume_before, rel={"t4": 0.02, "t10": 1e-3}[element])
     assert found.distance < {"t4": 5e-4, "t10": 2e-4}[element]

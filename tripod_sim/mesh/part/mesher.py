@@ -55,6 +55,7 @@ def run_mesher(program: str, given: dict[str, Any], limit: float, name: str, say
         with said.open("wb") as out:
             process = subprocess.Popen(
                 [sys.executable, "-P", *words],
+                cwd=folder,  # where it may leave files of its own
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=subprocess.DEVNULL,
