@@ -6,7 +6,7 @@
 A beam of 20 x 2 x 2 cm (250 kPa) and a cube of 20 cm (3 kPa), held at one end, fall under their weight from rest, in
 steps of 10 ms. `new`: as scenes do by default; `old`: Newton's method with AMD's order, and conjugate gradients beyond
 20 million entries of L, as they did before; MuJoCo, if it is installed: flex of linear tetrahedra on the same grid,
-integrator `implicitfast`. Each runs in a process of its own, at most `--limit` [s].
+integrator `discrete`. Each runs in a process of its own, at most `--limit` [s].
 
 Prints a JSON object each: unknowns; median and 95th percentile of the CPU time of the steps [ms]; iterations and
 factorisations a step; largest memory [MB]; height of the tip in the end [m]; and a product of 1000 x 1000 [ms], which
@@ -142,7 +142,7 @@ def mujoco(shape: str, cells: tuple[int, ...], poisson: float, steps: int) -> di
     size = SIZES[shape]
     spacing = " ".join(str(length / n) for length, n in zip(size, cells, strict=True))
     count = " ".join(str(n + 1) for n in cells)
-    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{STEP}" integrator="implicitfast"
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{STEP}" integrator="discrete"
         solver="Newton" tolerance="1e-6"><flag contact="disable"/></option><size memory="8G"/><worldbody>
         <flexcomp name="soft" type="grid" dim="3" count="{count}" spacing="{spacing}" radius="1e-4"
         mass="{DENSITY * np.prod(size)}" pos="{size[0] / 2} 0 0">
