@@ -49,7 +49,7 @@ MOST_PAIRS = 30
 """Pairs of bodies that may touch, above which contact forces have one group for all pairs."""
 
 LONGEST_NAME = 30
-"""What is told of the name of a body [characters]."""
+"""Longest name of a body in the name of a group [characters]."""
 
 ON = " on "
 """In the name of a group, between its kind and the bodies."""

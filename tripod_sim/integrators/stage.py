@@ -63,8 +63,8 @@ class ImplicitStage:
         self.aim(stage)
         z, u = self.known[:2]
         force = stage.square / stage.s
-        if self.newton.foresees and self._acceleration is not None:
-            self.newton.foreseen = z + stage.s * (u + force * self._acceleration)
+        last = self._acceleration
+        self.newton.foreseen = None if last is None else z + stage.s * (u + force * last)
         report = self.newton.solve(state, joints, keep=stage.key)
         np.subtract(state.positions, z, out=state.velocities)
         state.velocities /= stage.s
