@@ -1,6 +1,5 @@
 """Options and help of `tripod study`."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.options import Json, Overrides, ServoScript, SlideScript, examples, some_scenes, within
 from tripod_bringup.study_plans import PLANS
+from tripod_host.threads import processors
 
 commands = typer.Typer()
 
@@ -37,13 +37,6 @@ EXAMPLES = (
     "tripod study --all --jobs 4 --out studies",
     "tripod study silicone --scheduler tcp://127.0.0.1:8786",
 )
-
-
-def default_jobs() -> int:
-    """Return how many points run at a time: as many as this process may use processors."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def some_studies(incomplete: str) -> list[str]:
@@ -113,7 +106,7 @@ def study(
             part=part,
             knobs=[word.strip() for word in knobs.split(",") if word.strip()],
             quick=quick,
-            jobs=jobs or default_jobs(),
+            jobs=jobs or processors(),
             scheduler=scheduler,
             out=out,
             fresh=fresh,

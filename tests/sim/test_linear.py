@@ -12,7 +12,7 @@ from tests.messages import names, raises_naming
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.build import build
-from tripod_sim.linear import choice
+from tripod_sim.linear import choice, ldl, ldl_symbolic
 from tripod_sim.linear.cg import ConjugateGradients
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.linear.ldl_symbolic import analyse
@@ -70,6 +70,62 @@ def test_ldl_solves_the_tangent(level: int) -> None:
     assert solver.factor()
     assert solver.is_positive()
     close(solver.solve(b), A, b)
+
+
+@pytest.fixture
+def shared(monkeypatch: pytest.MonkeyPatch):
+    """Let also small factors be computed in subtrees."""
+    ldl_symbolic._plan.cache_clear()
+    for name in ("SHARED", "LEAST"):
+        monkeypatch.setattr(ldl_symbolic, name, 0)
+    monkeypatch.setattr(ldl, "SHARED", 0)
+    yield
+    ldl_symbolic._plan.cache_clear()
+
+
+@pytest.mark.usefixtures("shared")
+def test_subtrees_are_the_same_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    upper = tangent(2)
+    A, b = whole(upper), np.random.default_rng(1).standard_normal(upper.shape[0])
+    found = []
+    for threads in ("1", "4"):
+        monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+        solver = Ldl(upper)
+        assert solver.factor()
+        assert len(solver._shares) > 2
+        assert solver.is_positive()
+        found.append(solver.solve(b))
+        close(found[-1], A, b)
+    assert np.array_equal(*found)
+
+
+@pytest.mark.usefixtures("shared")
+@pytest.mark.parametrize("seed", range(5))
+def test_subtrees_count_negative_pivots_and_find_zeros(seed: int) -> None:
+    upper = scattered(120, 0.02, seed)
+    solver, values = Ldl(upper), np.linalg.eigvalsh(whole(upper))
+    assert solver.factor()
+    assert len(solver._shares) > 2
+    assert solver.negative == np.count_nonzero(values < 0)
+    first = int(solver._plan.order[0])  # a pivot of the first subtree
+    upper.data[upper.indptr[first] : upper.indptr[first + 1]] = 0.0
+    assert not solver.factor()
+
+
+@pytest.mark.usefixtures("shared")
+def test_a_rough_solver_has_half_the_digits() -> None:
+    upper = tangent(2)
+    A, b = whole(upper), np.random.default_rng(2).standard_normal(upper.shape[0])
+    exact, rough = Ldl(upper), Ldl(upper).rough()
+    assert exact.factor()
+    assert rough.factor()
+    x = rough.solve(b)
+    assert np.abs(A @ x - b).max() > 1e-12 * np.abs(A).max() * np.abs(x).max()
+    assert np.abs(A @ x - b).max() < 1e-6 * np.abs(A).max() * np.abs(x).max()
+    x += rough.solve(b - A @ x)
+    x += rough.solve(b - A @ x)
+    close(x, A, b)
+    assert np.abs(x - exact.solve(b)).max() < 1e-9 * np.abs(x).max()
 
 
 @pytest.mark.parametrize("columns", [1, 3, 17])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.forces import solid_arrays
 from tripod_sim.integrators import quasi_newton
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.turning import Rotations
@@ -136,3 +137,30 @@ def test_a_body_with_a_disc_and_servos_is_solved(monkeypatch: pytest.MonkeyPatch
         counts.append(count)
     np.testing.assert_allclose(*ends, atol=1e-7)
     assert 2 * counts[0] < counts[1]
+
+
+@pytest.mark.parametrize("element", ["t4", "t10", "h8_modes"])
+def test_parts_of_a_solid_give_the_same_with_any_number_of_threads(
+    beam, element: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for points, threads in ((10**9, "1"), (60, "1"), (60, "4")):
+        monkeypatch.setattr(solid_arrays, "POINTS", points)
+        monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+        simulation = beam(f"mesh.element={element}")
+        (solid,) = simulation.system.elastic.terms
+        assert bool(solid._parts) == (points == 60)
+        fall(simulation, 8)
+        found.append(simulation.state.positions)
+    whole, one, four = found
+    assert np.array_equal(one, four)
+    assert np.abs(one - whole).max() < 1e-8
+
+
+def test_a_part_that_is_unstable_or_infinite_is_told(beam, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solid_arrays, "POINTS", 60)
+    simulation = beam("material.law=neo_hooke")
+    (solid,) = simulation.system.elastic.terms
+    x = simulation.state.positions.copy()
+    x[solid.elements[-1]] = x[solid.elements[-1]][::-1]  # inside out
+    assert np.isinf(solid.add_gradient(x, solid.rest_modes(), np.zeros_like(x)))

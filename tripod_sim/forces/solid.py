@@ -1,14 +1,17 @@
 """Elastic solid: elements of one kind and one material."""
 
+from functools import partial
+
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.threads import together
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.rate_kernels import add_solid_rates
-from tripod_sim.forces.solid_arrays import SolidArrays
+from tripod_sim.forces.solid_arrays import SolidArrays, SolidPart, parts_of
 from tripod_sim.materials.calls import addresses, tangent_of
 from tripod_sim.materials.law import law_named
 from tripod_sim.materials.laws import KAPPA
@@ -86,6 +89,7 @@ class Solid(ElasticTerm):
             damping * np.array([lam - kappa, mu, kappa]), np.zeros(1), before, strain,
         )  # fmt: skip
         self.mode_offsets = self.solid.y
+        self._parts = parts_of(self.solid)
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
@@ -119,8 +123,19 @@ class Solid(ElasticTerm):
     def _add(
         self, x: FloatArray, modes: FloatArray, of: int, g: FloatArray, d: FloatArray
     ) -> tuple[float, float]:
-        energy, damped, self.mode_residual_squared = kernels.solid_gradient(x, modes, self.solid, of, g, d)
-        return float(energy), float(damped)
+        if not self._parts:
+            energy, damped, self.mode_residual_squared = kernels.solid_gradient(
+                x, modes, self.solid, of, g, d
+            )
+            return float(energy), float(damped)
+        found = np.array(together([partial(_part_gradient, part, x, modes, of) for part in self._parts]))
+        for part in self._parts:
+            if of & kernels.ELASTIC:
+                g[part.nodes] += part.g
+            if of & kernels.DAMPER:
+                d[part.nodes] += part.d
+        energy, damped, self.mode_residual_squared = found.sum(axis=0).tolist()
+        return energy, damped
 
     def remember(self, x: FloatArray, modes: FloatArray, out: FloatArray, *, known: bool) -> None:
         """Write Green's strain at each point to `out`; `known`: it is that of the last gradient with the damper."""
@@ -141,11 +156,11 @@ class Solid(ElasticTerm):
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, damper: bool = False, project: bool) -> int:
         """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
-        return int(
-            kernels.solid_stiffness(
-                x, modes, self.solid, kernels.BOTH if damper else kernels.ELASTIC, project
-            )
-        )
+        of = kernels.BOTH if damper else kernels.ELASTIC
+        if not self._parts:
+            return int(kernels.solid_stiffness(x, modes, self.solid, of, project))
+        found = together([partial(_part_stiffness, part, x, modes, of, project) for part in self._parts])
+        return next((element for element in found if element >= 0), -1)
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
@@ -184,3 +199,18 @@ class Solid(ElasticTerm):
             "" if ratio > 0 or self._law == SAFE else f'; material.law = "{SAFE}" turns such elements back'
         )
         return ratio, f"{name} is {what} (volume ratio {ratio:.3g}){advice}"
+
+
+def _part_gradient(part: SolidPart, x: FloatArray, modes: FloatArray, of: int) -> tuple[float, float, float]:
+    """As `kernels.solid_gradient`, of a part, into its own fields."""
+    part.g[:] = part.d[:] = 0.0
+    found: tuple[float, float, float] = kernels.solid_gradient(
+        x[part.nodes], modes[part.elements], part.arrays, of, part.g, part.d
+    )
+    return found
+
+
+def _part_stiffness(part: SolidPart, x: FloatArray, modes: FloatArray, of: int, project: bool) -> int:
+    """As `kernels.solid_stiffness`, of a part."""
+    found = kernels.solid_stiffness(x[part.nodes], modes[part.elements], part.arrays, of, project)
+    return int(part.elements.start + found) if found >= 0 else -1

@@ -123,7 +123,7 @@ def mean_volume(xe: Array, G: Array, weight: Array, law: Array, F: Array, slope:
     return total / size
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def solid_gradient(
     x: Array, modes: Array, solid: SolidArrays, of: int, g: Array, d: Array
 ) -> tuple[float, float, float]:
@@ -220,7 +220,7 @@ def write_strains(x: Array, modes: Array, solid: SolidArrays) -> None:
             strain_rate(F, 1.0, solid.before[e, q], solid.strain[e, q], A)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, of: int, project: bool) -> int:
     """Write the condensed stiffness (m, 24, 24) [N/m], X (m, 3k, 24) and K_aa^-1 (m, 3k, 3k) of every element.
 

@@ -46,7 +46,7 @@ class QuasiNewton(Newton):
         """Let the factorisation turn with the body in `state`."""
         system = self.system
         if self._turning is None or system.linear is not self._turning:
-            system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
+            system.linear = self._turning = TurningSolver(system.linear.rough(), system.unknowns)
         self._turning.turn(self._rotations.at(state))
 
     def _renew(self, state: State, report: NewtonReport) -> float:

@@ -5,12 +5,15 @@ and for almost all indefinite ones; what is asked of those here is only the sign
 """
 
 from copy import copy
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_host.threads import together
 from tripod_sim.linear import ldl_kernels as kernels
-from tripod_sim.linear.ldl_symbolic import analyse
+from tripod_sim.linear.ldl_symbolic import SHARED, analyse
 from tripod_sim.linear.solver import LinearSolver, Pattern
 
 OPERATIONS = 23
@@ -33,6 +36,8 @@ class Ldl(LinearSolver):
         self.entries, self.negative = int(self._plan.panel[-1]), -1
         self.solves_a_factor = self._plan.operations / (OPERATIONS * self.entries)
         self._numbers: kernels.Numbers | None = None  # until needed: some only ask how many entries there are
+        self._shares: list[kernels.Share] = []
+        self._type: type[np.floating[Any]] = np.float64
 
     def sibling(self, data: FloatArray | None = None) -> "Ldl":
         """Return another solver of the same pattern and values, with a factor of its own and the same analysis.
@@ -45,11 +50,23 @@ class Ldl(LinearSolver):
         other.negative, other._numbers = -1, None
         return other
 
+    def rough(self) -> "Ldl":
+        """As `LinearSolver.rough`: a large factor is rounded to single precision; solutions read half as much."""
+        other = self.sibling()
+        if self.entries >= SHARED:
+            other._type = np.float32
+            other.solves_a_factor *= 2.0
+        return other
+
     def factor(self) -> bool:
         """Factor the present values; return False at a pivot that is zero or not finite."""
         if self._numbers is None:
-            self._numbers = kernels.numbers(self._plan, self._data)
-        self.negative = kernels.factor(self._plan, self._numbers)
+            self._numbers, self._shares = kernels.numbers(self._plan, self._data, self._type)
+        calls = [partial(kernels.factor, self._plan, self._numbers, share) for share in self._shares]
+        found = together(calls[:-1])
+        if min(found, default=0) >= 0:
+            found.append(calls[-1]())
+        self.negative = min(found) if min(found) < 0 else sum(found)
         return self.negative >= 0
 
     def is_positive(self) -> bool:
@@ -58,8 +75,21 @@ class Ldl(LinearSolver):
 
     def solve(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b, shape (n,)."""
-        out = np.empty(len(self._plan.order))
-        kernels.solve(b, self._plan, self._numbers, out)
+        plan, A, shares = self._plan, self._numbers, self._shares
+        out = np.empty(len(plan.order))
+        if len(shares) == 1:
+            kernels.solve(b, plan, A, shares[0], out)
+            return out
+        assert A
+        *parts, top = shares
+        np.take(b, plan.order, out=A.y)
+        together([partial(kernels.forward, plan, A, share) for share in parts])
+        for share in parts:
+            kernels.add_beyond(plan, A, share)
+        kernels.forward(plan, A, top)
+        kernels.backward(plan, A, top)
+        together([partial(kernels.backward, plan, A, share) for share in parts])
+        out[plan.order] = A.y
         return out
 
     def solve_many(self, b: FloatArray) -> FloatArray:

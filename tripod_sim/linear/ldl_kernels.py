@@ -3,43 +3,77 @@
 Row k of a panel holds d_k L[j, k] for the rows j of its front, so that loops run over contiguous numbers.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.linear.ldl_symbolic import Symbolic
+from tripod_sim.linear.ldl_symbolic import Symbolic, deepest
 
 ROWS = 4
 """Rows that are eliminated at once."""
 
 
 class Numbers(NamedTuple):
-    """Of one factorisation, and scratch.
-
-    data: values of the upper triangle, CSC; factors: panels; inverse: 1 / D, (n,); front, stack, waiting: one front,
-    the remainders that wait, and the numbers of their fronts; y (n,), x: of the largest front.
-    """
+    """Of one factorisation: values of the upper triangle, CSC; panels; 1 / D, (n,); remainders that wait; y (n,)."""
 
     data: Array
     factors: Array
     inverse: Array
-    front: Array
     stack: Array
-    waiting: Array
     y: Array
+
+
+class Share(NamedTuple):
+    """Of the elimination, what one thread does at a time: a subtree of fronts, or what is above them.
+
+    fronts: their numbers, ascending; held: for each, where its remainder stands if another share has it eliminated,
+    else -1; base: where its own remainders begin; end: pivots from there on are of other shares; front, waiting,
+    places: scratch, one front and the numbers of those that wait and where their remainders stand; x: of the largest
+    front; beyond: what it adds to `y` of other shares, (n,).
+    """
+
+    fronts: Array
+    held: Array
+    base: int
+    end: int
+    front: Array
+    waiting: Array
+    places: Array
     x: Array
+    beyond: Array
 
 
-def numbers(plan: Symbolic, data: Array) -> Numbers:
-    """Return room for the factorisation of the matrix with a plan and the values `data`, which change."""
-    n, zeros = len(plan.order), np.zeros
-    waiting = zeros(len(plan.parent), dtype=np.int64)
-    return Numbers(
-        data, zeros(int(plan.panel[-1])), zeros(n), zeros(plan.largest**2), zeros(plan.stack), waiting, zeros(n),
-        zeros(plan.largest),
-    )  # fmt: skip
+def numbers(plan: Symbolic, data: Array, kind: type[np.floating[Any]]) -> tuple[Numbers, list[Share]]:
+    """Return room for the factorisation of the matrix with a plan and the values `data`, which change, and its shares.
+
+    `kind`: as which the factor is kept. The last share is what is above all others.
+    """
+    n, count = len(plan.order), len(plan.parent)
+    top, fronts = np.ones(count, dtype=bool), list[Array]()
+    for first, end in plan.subtrees.tolist():
+        top[first : end - 1] = False  # all but the root, whose remainder it needs
+        fronts.append(np.arange(first, end))
+    held = [np.full(len(own), -1) for own in fronts]
+    fronts.append(np.flatnonzero(top))
+    held.append(np.full(len(fronts[-1]), -1))
+    shares, base = list[Share](), 0
+    for own, known in zip(fronts, held, strict=True):
+        if own is fronts[-1]:
+            known[np.searchsorted(own, plan.subtrees[:, 1] - 1)] = [share.base for share in shares]
+        mine = own[known < 0]
+        size, (waiting, places) = (
+            int(np.diff(plan.first_row)[mine].max(initial=0)),
+            np.zeros((2, len(own)), int),
+        )
+        end, beyond = int(plan.pivots[own[-1] + 1]), np.zeros(n if len(fronts) > 1 else 0)
+        shares.append(
+            Share(own, known, base, end, np.zeros(size**2), waiting, places, np.zeros(size), beyond)
+        )
+        base += deepest(plan, mine)
+    factors = np.zeros(int(plan.panel[-1]), dtype=kind)
+    return Numbers(data, factors, np.zeros(n), np.zeros(base), np.zeros(n)), shares
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
@@ -109,17 +143,23 @@ def _eliminate_rows(F: Array, size: int, i: int, pivots: int, inverse: Array) ->
         end += size
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def factor(p: Symbolic, A: Numbers) -> int:
-    """Write the panels and 1 / D of the matrix with the plan `p` and the values `A.data`.
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def factor(p: Symbolic, A: Numbers, w: Share) -> int:
+    """Write the panels and 1 / D of a share `w` of the matrix with the plan `p` and the values `A.data`.
 
     Return the number of negative pivots, or -1 - k where pivot k is zero or not finite.
     """
     pivots, first_row, parent, place = p.pivots, p.first_row, p.parent, p.place
     target, source, first_entry, panel = p.target, p.source, p.first_entry, p.panel
-    data, F, stack, waiting, factors, inverse = A.data, A.front, A.stack, A.waiting, A.factors, A.inverse
-    negative = count = top = 0
-    for s in range(parent.shape[0]):
+    data, F, stack, factors, inverse = A.data, w.front, A.stack, A.factors, A.inverse
+    waiting, places = w.waiting, w.places
+    negative, count, top = 0, 0, w.base
+    for number in range(w.fronts.shape[0]):
+        s = w.fronts[number]
+        if w.held[number] >= 0:
+            waiting[count], places[count] = s, w.held[number]
+            count += 1
+            continue
         begin = first_row[s]
         size, width = first_row[s + 1] - begin, pivots[s + 1] - pivots[s]
         for i in range(size):
@@ -128,13 +168,14 @@ def factor(p: Symbolic, A: Numbers) -> int:
             F[target[e]] += data[source[e]]
         while count > 0 and parent[waiting[count - 1]] == s:
             count -= 1
-            child = waiting[count]
+            child, at = waiting[count], places[count]
             m = first_row[child + 1] - first_row[child] - (pivots[child + 1] - pivots[child])
-            top -= m * m
+            if at >= w.base:
+                top = at
             own = first_row[child + 1] - m
             for i in range(m):
                 row = F[place[own + i] * size : (place[own + i] + 1) * size]
-                left, to = stack[top + i * m + i : top + (i + 1) * m], place[own + i : own + m]
+                left, to = stack[at + i * m + i : at + (i + 1) * m], place[own + i : own + m]
                 for j in range(m - i):
                     row[to[j]] += left[j]
         own = pivots[s]
@@ -164,21 +205,37 @@ def factor(p: Symbolic, A: Numbers) -> int:
             for i in range(m):
                 row = (width + i) * size + width
                 stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
+            waiting[count], places[count] = s, top
             top += m * m
-            waiting[count] = s
             count += 1
     return negative
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solve(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
-    """Write A^-1 b to `out`, shape (n,)."""
-    order, pivots, rows, first_row, panel = p.order, p.pivots, p.rows, p.first_row, p.panel
-    factors, inverse, y, x = A.factors, A.inverse, A.y, A.x
-    n = b.shape[0]
-    for k in range(n):
+def solve(b: Array, p: Symbolic, A: Numbers, w: Share, out: Array) -> None:
+    """Write A^-1 b to `out`, shape (n,); `w` is all of the elimination."""
+    order, y = p.order, A.y
+    for k in range(b.shape[0]):
         y[k] = b[order[k]]
-    for s in range(first_row.shape[0] - 1):
+    forward(p, A, w)
+    backward(p, A, w)
+    for k in range(b.shape[0]):
+        out[order[k]] = y[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def forward(p: Symbolic, A: Numbers, w: Share) -> None:
+    """Eliminate the pivots of a share from `A.y`; what it adds to rows of other shares goes to `w.beyond`."""
+    pivots, rows, first_row, panel, beyond = p.pivots, p.rows, p.first_row, p.panel, w.beyond
+    factors, inverse, y, x = A.factors, A.inverse, A.y, w.x
+    last = w.fronts[-1]
+    for e in range(first_row[last], first_row[last + 1]):
+        if rows[e] >= w.end:
+            beyond[rows[e]] = 0.0
+    for number in range(w.fronts.shape[0]):
+        if w.held[number] >= 0:
+            continue
+        s = w.fronts[number]
         begin, own, at = first_row[s], pivots[s], panel[s]
         size, width = first_row[s + 1] - begin, pivots[s + 1] - own
         x[:size] = 0.0
@@ -189,8 +246,22 @@ def solve(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
                 part[j] += u[j] * z
             y[own + k] = z
         for j in range(width, size):
-            y[rows[begin + j]] -= x[j]
-    for s in range(first_row.shape[0] - 2, -1, -1):
+            row = rows[begin + j]
+            if row < w.end:
+                y[row] -= x[j]
+            else:
+                beyond[row] -= x[j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def backward(p: Symbolic, A: Numbers, w: Share) -> None:
+    """Find the unknowns of a share in `A.y` from those of the shares above it."""
+    pivots, rows, first_row, panel = p.pivots, p.rows, p.first_row, p.panel
+    factors, inverse, y, x = A.factors, A.inverse, A.y, w.x
+    for number in range(w.fronts.shape[0] - 1, -1, -1):
+        if w.held[number] >= 0:
+            continue
+        s = w.fronts[number]
         begin, own, at = first_row[s], pivots[s], panel[s]
         size, width = first_row[s + 1] - begin, pivots[s + 1] - own
         for j in range(size):
@@ -201,8 +272,14 @@ def solve(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
                 total += u[j] * part[j]
             x[k] -= total * inverse[own + k]
             y[own + k] = x[k]
-    for k in range(n):
-        out[order[k]] = y[k]
+
+
+def add_beyond(p: Symbolic, A: Numbers, w: Share) -> None:
+    """Add to `A.y` what a share found for rows of others."""
+    last = w.fronts[-1]
+    rows = p.rows[p.first_row[last] : p.first_row[last + 1]]
+    rows = rows[rows >= w.end]
+    A.y[rows] += w.beyond[rows]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})

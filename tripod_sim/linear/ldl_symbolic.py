@@ -25,6 +25,13 @@ DISSECTED = 3000
 SMALL = 500_000
 """Entries of a pattern up to which its plan is kept for whoever builds the same system again."""
 
+SHARED = 1_000_000
+"""Entries of L from which subtrees are computed at the same time: a solution then takes 2 ms."""
+
+PIECES, LEAST = 8, 20_000
+"""A subtree is at most so small a part of the whole, and no smaller than so many entries: what is less is not handed
+out."""
+
 WASTE = 0.15
 """Zeros that such a merged front may hold, as a share of its panel."""
 
@@ -43,7 +50,8 @@ class Symbolic(NamedTuple):
         target: Position in its front (row * size + column) of each entry of the pattern, entries sorted by front.
         source: Entry of the pattern that goes there.
         first_entry: Where the entries of a front begin in `source`, shape (f + 1,).
-        stack: Size of the scratch that holds remainders not yet added.
+        subtrees: Runs of fronts that are computed at the same time, first and after the last, shape (k, 2): subtrees of
+            the elimination, of which the last front is the root. They depend on the pattern alone.
         largest: Rows of the largest front.
         operations: Multiplications and additions of a factorisation.
     """
@@ -58,7 +66,7 @@ class Symbolic(NamedTuple):
     target: IndexArray
     source: IndexArray
     first_entry: IndexArray
-    stack: int
+    subtrees: IndexArray
     largest: int
     operations: float
 
@@ -121,20 +129,42 @@ def _analysed(pattern: sparse.csc_matrix) -> Symbolic:
         part = slice(first_entry[s], first_entry[s + 1])
         e = source[part]
         target[part] = (low[e] - pivots[s]) * sizes[s] + np.searchsorted(r, high[e])
-    depth = stack = 0
-    remainders = (sizes - np.diff(pivots)) ** 2
-    held = np.zeros(len(fronts), dtype=np.int64)  # what children of a front left on the stack
-    for s in range(len(fronts)):
-        depth += remainders[s] - held[s]
-        stack = max(stack, depth)
-        if above[s] >= 0:
-            held[above[s]] += remainders[s]
     height, width = sizes.astype(float), np.diff(pivots).astype(float)
     operations = float((width * height**2 - width**2 * height + width**3 / 3).sum())
     return Symbolic(
-        order, pivots, np.concatenate(lists), first_row, panel, above, place, target, source, first_entry, int(stack),
-        int(sizes.max()), operations,
+        order, pivots, np.concatenate(lists), first_row, panel, above, place, target, source, first_entry,
+        _subtrees(above, np.diff(panel)), int(sizes.max()), operations,
     )  # fmt: skip
+
+
+def deepest(plan: Symbolic, fronts: IndexArray) -> int:
+    """Return how many numbers the remainders of `fronts`, ascending, take at most that are not yet added."""
+    sizes, own = np.diff(plan.first_row), set(fronts.tolist())
+    remainders = ((sizes - np.diff(plan.pivots)) ** 2).tolist()
+    depth = most = 0
+    held: dict[int, int] = {}  # what children of a front left
+    for s in fronts.tolist():
+        depth += remainders[s] - held.pop(s, 0)
+        most = max(most, depth)
+        if (above := int(plan.parent[s])) in own:
+            held[above] = held.get(above, 0) + remainders[s]
+    return int(most)
+
+
+def _subtrees(parent: IndexArray, entries: IndexArray) -> IndexArray:
+    """Return the subtrees to be computed at the same time (see `Symbolic`), of fronts with as many `entries` of L."""
+    total, first = entries.copy(), np.arange(len(parent))
+    for s, above in enumerate(parent.tolist()):  # children come before their parents
+        if above >= 0:
+            total[above] += total[s]
+            first[above] = min(first[above], first[s])
+    whole = int(entries.sum())
+    if whole < SHARED:
+        return np.zeros((0, 2), dtype=np.int64)
+    small = total <= whole / PIECES
+    above = np.where(parent >= 0, parent, 0)
+    roots = np.flatnonzero(small & (parent >= 0) & ~small[above] & (total >= LEAST))
+    return np.stack([first[roots], roots + 1], axis=1)
 
 
 def _blocks_of(pattern: sparse.csc_matrix) -> tuple[sparse.csc_matrix, int]:

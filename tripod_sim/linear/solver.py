@@ -41,6 +41,10 @@ class LinearSolver(ABC):
     def solve(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b, a new array; `b` is contiguous, shape (n,). Raises LinearError (iterative solvers only)."""
 
+    def rough(self) -> "LinearSolver":
+        """Return a solver of the same pattern and values for whoever corrects by the residual: half the digits do."""
+        return self
+
     def solve_many(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b for k right-hand sides, both of shape (n, k), contiguous. Raises LinearError as `solve`."""
         return np.stack([self.solve(column) for column in b.T.copy()], axis=1)
