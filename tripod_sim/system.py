@@ -100,7 +100,6 @@ class System:
         self.gradient, self.lever, self.axes = np.zeros((n, 3)), self.reduction.lever, self.reduction.axes
         self.residual, self.efforts = np.zeros(self.reduction.unknowns), np.zeros(self.actuators)
         self.torques = self.efforts[:s]
-        self._coupled_at = rest.copy() if self._actuated else rest  # where the Hessian was assembled
         self._no_weight = np.zeros(n)
         placed = groups.placed(rest)
         self._rest_centres = np.array([placed[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
@@ -118,7 +117,7 @@ class System:
         self._forces, self._elastic_energy = np.zeros((n, 3)), 0.0
         self._damper_forces, self._damper_energy = np.zeros((n, 3) if self.remembers else (0, 3)), 0.0
         self._last, self._known = (rest.copy(), self.elastic.rest_modes()), False
-        self._rate, self._assembled = 0.0, (rest.copy(), self.elastic.rest_modes())
+        self._rate, self._assembled = 0.0, (rest.copy(), self.elastic.rest_modes(), self._rest_centres.copy())
         self._aimed = False  # whether the forces of dampers at hand are those of the stage
         self._strains, self._strained = (
             np.zeros(self.remembers),
@@ -379,7 +378,7 @@ class System:
 
         It is that of the last assembly; with a term that does not last (`ElasticTerm.lasting`) of the last evaluation.
         """
-        positions, modes = self._assembled if self.elastic.lasting else self._last
+        positions, modes = self._assembled[:2] if self.elastic.lasting else self._last
         self.elastic.add_rates(positions, modes, y, self._rate, out)
 
     def settle(self, state: State, solution: FloatArray, dx: FloatArray) -> None:
@@ -446,12 +445,11 @@ class System:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
         if self.elastic.has_modes:
             self._known = False  # the condensed gradient belongs to the last assembly
+        positions, modes, centres = self._assembled
+        positions[:], centres[:] = state.positions, state.centres[: len(centres)]
         if self.remembers:
-            for kept, now in zip(self._assembled, (state.positions, state.modes), strict=True):
-                kept[:] = now
+            modes[:] = state.modes
             self._aimed = False  # an element that is found inside out has no damper any more
-        if self._actuated:
-            self._coupled_at[:] = state.positions
         for term in self._blocks:
             term.stiffness(state.positions, project=project)
         return self.elastic.stiffness(state.positions, state.modes, project=project)
@@ -465,6 +463,9 @@ class System:
                 semi-definite where the matrices are, however large the forces on rigid bodies.
         """
         self.write_hessian(shift, curved=curved)
+        if (places := self.linear.places) is not None:
+            positions, _, centres = self._assembled
+            places[:] = np.concatenate([positions[self.reduction.free], np.repeat(centres, 2, axis=0)])
         self.factored = self.linear.factor()
         return self.factored and self.linear.is_positive()
 
@@ -482,7 +483,7 @@ class System:
         """Write what actuator `k` adds to `reduction.drive` and `drive_drive`."""
         r, s = self.reduction, len(self.torques)
         self._change[:] = 0.0
-        actuator.add_coupling(self._coupled_at, self._change)
+        actuator.add_coupling(self._assembled[0], self._change)
         r.gradient(self._change, self._reduced, self._unused)
         r.drive[:, k] = self._reduced
         r.drive_drive[:s, k] = r.drive_drive[k, :s] = self._unused

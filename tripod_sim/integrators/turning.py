@@ -24,7 +24,7 @@ class TurningSolver(LinearSolver):
 
     def __init__(self, inner: LinearSolver, unknowns: int) -> None:
         """`inner`: solves with the matrix itself, of as many `unknowns`."""
-        self._inner, self.iterates = inner, inner.iterates
+        self._inner, self.iterates, self.places = inner, inner.iterates, inner.places
         self.solves_a_factor = inner.solves_a_factor
         self._now = self._factored = np.tile(np.eye(3), (unknowns // 3, 1, 1))
         self._since: FloatArray | None = None

@@ -1,5 +1,6 @@
 """Conjugate gradients with a block-Jacobi preconditioner, for meshes whose factors would be too large."""
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,10 @@ MEANING = {
     kernels.INDEFINITE: "failed: the matrix is not positive definite",
     kernels.BROKEN: "failed: a number is not finite",
 }
+
+
+ROUGH = 1e-2
+"""Relative residual that is enough for a step of a quasi-Newton method: it then takes as many as with 1e-8."""
 
 
 class ConjugateGradients(LinearSolver):
@@ -77,10 +82,19 @@ class ConjugateGradients(LinearSolver):
             raise self._error(state, residual)
         return x
 
+    def rough(self) -> "ConjugateGradients":
+        """As `LinearSolver.rough`: it stops at a relative residual of `ROUGH`, after a third of the iterations."""
+        other = copy(self)
+        other.tolerance = max(self.tolerance, ROUGH)
+        return other
+
     def _run(self, b: FloatArray) -> tuple[int, FloatArray, float]:
+        return self._run_at_most(b, self._limit)
+
+    def _run_at_most(self, b: FloatArray, limit: int) -> tuple[int, FloatArray, float]:
         x = np.empty_like(self._r)
         state, self.iterations, residual = kernels.conjugate_gradients(
-            self._indices, self._indptr, self._values, self._blocks, self._L, b, self.tolerance, self._limit,
+            self._indices, self._indptr, self._values, self._blocks, self._L, b, self.tolerance, limit,
             self._r, self._z, self._p, self._q, x,
         )  # fmt: skip
         return int(state), x, float(residual)

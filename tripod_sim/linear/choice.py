@@ -28,38 +28,41 @@ def linear_factory(name: str, tolerance: float, *, springs: bool = False) -> Lin
     """Return what makes the solver `name`; the thresholds are those of `benchmarks/linear.py`.
 
     Args:
-        name: `auto`, `ldl`, `cholmod` or `cg`.
-        tolerance: Relative residual of conjugate gradients.
+        name: `auto`, `ldl`, `cholmod`, `cg` or `multigrid`.
+        tolerance: Relative residual of solvers that iterate.
         springs: Whether the matrices are of nets of springs alone.
 
     Raises:
-        SceneError: `cholmod` is named and not installed.
+        SceneError: `cholmod` or `multigrid` is named and not installed.
     """
-    if name == "cholmod" and not _has_cholmod():
-        raise SceneError(
-            "solver.linear is 'cholmod', which is not installed: pip install 'tripod[cholmod]'; or choose auto, ldl, cg"
-        )
+    for optional, package, extra in (("cholmod", "cvxopt", "cholmod"), ("multigrid", "pyamg", "large")):
+        if name == optional and not find_spec(package):
+            raise SceneError(
+                f"solver.linear is {name!r}, which is not installed: pip install 'tripod[{extra}]'; or choose auto, "
+                "ldl, cg"
+            )
 
     def make(pattern: Pattern, blocks: IndexArray) -> LinearSolver:
         if springs and (name == "cg" or (name == "auto" and pattern.shape[0] > LARGE_NET)):
             from tripod_sim.linear.incomplete import IncompleteConjugateGradients
 
             return IncompleteConjugateGradients(pattern, blocks, tolerance)
-        direct = None if name in ("cg", "cholmod") else Ldl(pattern)
+        direct = Ldl(pattern) if name in ("auto", "ldl") else None
         if direct and (name == "ldl" or direct.entries <= SMALL):
             return direct
-        if name == "cg" or (direct and direct.entries > LARGE):
+        beyond = direct is not None and direct.entries > LARGE
+        if name == "multigrid" or (beyond and find_spec("pyamg")):
+            from tripod_sim.linear.multigrid import Multigrid
+
+            return Multigrid(pattern, blocks, tolerance)
+        if name == "cg" or beyond:
             from tripod_sim.linear.cg import ConjugateGradients
 
             return ConjugateGradients(pattern, blocks, tolerance)
-        if direct and not _has_cholmod():
+        if direct and not find_spec("cvxopt"):
             return direct
         from tripod_sim.linear.cholmod import Cholmod
 
         return Cholmod(pattern)
 
     return make
-
-
-def _has_cholmod() -> bool:
-    return find_spec("cvxopt") is not None

@@ -22,9 +22,12 @@ class LinearSolver(ABC):
         iterates: Whether it solves by iteration: each solution costs as much as the first.
         iterations: Of the last solution; 0 of direct solvers.
         solves_a_factor: How many solutions take about as long as `factor`; 0 where that is not known.
+        places: Where the body is at `factor` [m], shape (n / 3, 3): nodes, then twice the centre of each rigid body;
+            None: the solver need not know.
     """
 
     iterates, iterations, solves_a_factor = False, 0, 0.0
+    places: FloatArray | None = None
 
     @abstractmethod
     def factor(self) -> bool:
@@ -42,7 +45,10 @@ class LinearSolver(ABC):
         """Return A^-1 b, a new array; `b` is contiguous, shape (n,). Raises LinearError (iterative solvers only)."""
 
     def rough(self) -> "LinearSolver":
-        """Return a solver of the same pattern and values for whoever corrects by the residual: half the digits do."""
+        """Return a solver of the same pattern and values for whoever corrects by the residual: few digits do.
+
+        This one is then used no more.
+        """
         return self
 
     def solve_many(self, b: FloatArray) -> FloatArray:

@@ -22,7 +22,8 @@ class Solver:
             simulation gives up.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].
-        linear: Linear solver: `ldl`, `cholmod` (optional extra), `cg` (conjugate gradients), or `auto`, by size.
+        linear: Linear solver: `ldl`, `cholmod` (optional extra), `cg` (conjugate gradients), `multigrid` (these with
+            algebraic multigrid, optional extra), or `auto`, by size.
         linear_tolerance: Relative residual at which conjugate gradients stop; without effect on direct solvers.
     """
 
@@ -32,7 +33,7 @@ class Solver:
     max_iterations: int = number(300, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
     max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)
-    linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
+    linear: str = one_of("auto", "ldl", "cholmod", "cg", "multigrid", default="auto")
     linear_tolerance: float = number(1e-8, above=0, high=0.1)
 
 
