@@ -85,7 +85,8 @@ def shared(monkeypatch: pytest.MonkeyPatch):
     ldl_symbolic._plan.cache_clear()
     for name in ("SHARED", "LEAST"):
         monkeypatch.setattr(ldl_symbolic, name, 0)
-    monkeypatch.setattr(ldl, "SHARED", 0)
+    for name, value in (("SHARED", 0), ("LARGE", 0), ("BLOCK", 8)):
+        monkeypatch.setattr(ldl, name, value)
     yield
     ldl_symbolic._plan.cache_clear()
 
@@ -95,15 +96,17 @@ def test_subtrees_are_the_same_with_any_number_of_threads(monkeypatch: pytest.Mo
     upper = tangent(2)
     A, b = whole(upper), np.random.default_rng(1).standard_normal(upper.shape[0])
     found = []
-    for threads in ("1", "4"):
+    for threads, large in (("1", np.inf), ("1", 0), ("4", 0)):  # fronts that several threads eliminate
         monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+        monkeypatch.setattr(ldl, "LARGE", large)
         solver = Ldl(upper)
         assert solver.factor()
         assert len(solver._shares) > 2
+        assert bool(solver._large) == (large == 0)
         assert solver.is_positive()
         found.append(solver.solve(b))
         close(found[-1], A, b)
-    assert np.array_equal(*found)
+    assert np.array_equal(found[1], found[2])
 
 
 @pytest.mark.usefixtures("shared")
@@ -114,9 +117,13 @@ def test_subtrees_count_negative_pivots_and_find_zeros(seed: int) -> None:
     assert solver.factor()
     assert len(solver._shares) > 2
     assert solver.negative == np.count_nonzero(values < 0)
-    first = int(solver._plan.order[0])  # a pivot of the first subtree
-    upper.data[upper.indptr[first] : upper.indptr[first + 1]] = 0.0
-    assert not solver.factor()
+    for pivot in (0, -1):  # of the first subtree, and of the last front
+        values, k = upper.data.copy(), int(solver._plan.order[pivot])
+        upper.data[upper.indptr[k] : upper.indptr[k + 1]] = 0.0
+        upper.data[upper.indices == k] = 0.0
+        assert not solver.factor()
+        upper.data[:] = values
+    assert solver.factor()
 
 
 @pytest.mark.usefixtures("shared")

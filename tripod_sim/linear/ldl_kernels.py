@@ -30,8 +30,8 @@ class Share(NamedTuple):
 
     fronts: their numbers, ascending; held: for each, where its remainder stands if another share has it eliminated,
     else -1; base: where its own remainders begin; end: pivots from there on are of other shares; front, waiting,
-    places: scratch, one front and the numbers of those that wait and where their remainders stand; x: of the largest
-    front; beyond: what it adds to `y` of other shares, (n,).
+    places, depth: scratch, one front, the numbers of those that wait and where their remainders stand, how many wait
+    and where the next one goes; x: of the largest front; beyond: what it adds to `y` of other shares, (n,).
     """
 
     fronts: Array
@@ -41,6 +41,7 @@ class Share(NamedTuple):
     front: Array
     waiting: Array
     places: Array
+    depth: Array
     x: Array
     beyond: Array
 
@@ -63,14 +64,10 @@ def numbers(plan: Symbolic, data: Array, kind: type[np.floating[Any]]) -> tuple[
         if own is fronts[-1]:
             known[np.searchsorted(own, plan.subtrees[:, 1] - 1)] = [share.base for share in shares]
         mine = own[known < 0]
-        size, (waiting, places) = (
-            int(np.diff(plan.first_row)[mine].max(initial=0)),
-            np.zeros((2, len(own)), int),
-        )
-        end, beyond = int(plan.pivots[own[-1] + 1]), np.zeros(n if len(fronts) > 1 else 0)
-        shares.append(
-            Share(own, known, base, end, np.zeros(size**2), waiting, places, np.zeros(size), beyond)
-        )
+        size, waiting = int(np.diff(plan.first_row)[mine].max(initial=0)), np.zeros(len(own), dtype=np.int64)
+        scratch = np.zeros(size**2), waiting, waiting.copy(), np.zeros(2, dtype=np.int64), np.zeros(size)
+        beyond = np.zeros(n if len(fronts) > 1 else 0)
+        shares.append(Share(own, known, base, int(plan.pivots[own[-1] + 1]), *scratch, beyond))
         base += deepest(plan, mine)
     factors = np.zeros(int(plan.panel[-1]), dtype=kind)
     return Numbers(data, factors, np.zeros(n), np.zeros(base), np.zeros(n)), shares
@@ -106,12 +103,11 @@ def _eliminate_row(F: Array, size: int, i: int, k: int, pivots: int, inverse: Ar
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
-def _eliminate_rows(F: Array, size: int, i: int, pivots: int, inverse: Array) -> None:
-    """Subtract from `ROWS` rows from i on what the first `pivots` rows eliminate: what is read serves all of them."""
-    n, start, end = size - i, i, size
+def _eliminate_rows(F: Array, size: int, i: int, k: int, pivots: int, inverse: Array) -> None:
+    """As `_eliminate_row`, from `ROWS` rows from i on: what is read serves all of them."""
+    n, start, end = size - i, k * size + i, (k + 1) * size
     o0, o1 = F[i * size + i : (i + 1) * size], F[(i + 1) * size + i : (i + 2) * size]
     o2, o3 = F[(i + 2) * size + i : (i + 3) * size], F[(i + 3) * size + i : (i + 4) * size]
-    k = 0
     while k + 4 <= pivots:
         u0, u1 = F[start:end], F[start + size : end + size]
         u2, u3 = F[start + 2 * size : end + 2 * size], F[start + 3 * size : end + 3 * size]
@@ -144,71 +140,108 @@ def _eliminate_rows(F: Array, size: int, i: int, pivots: int, inverse: Array) ->
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def factor(p: Symbolic, A: Numbers, w: Share) -> int:
-    """Write the panels and 1 / D of a share `w` of the matrix with the plan `p` and the values `A.data`.
+def factor(p: Symbolic, A: Numbers, w: Share, first: int, end: int) -> int:
+    """Write the panels and 1 / D of the fronts from `first` to `end` of a share, of the values `A.data`.
 
     Return the number of negative pivots, or -1 - k where pivot k is zero or not finite.
     """
-    pivots, first_row, parent, place = p.pivots, p.first_row, p.parent, p.place
-    target, source, first_entry, panel = p.target, p.source, p.first_entry, p.panel
-    data, F, stack, factors, inverse = A.data, w.front, A.stack, A.factors, A.inverse
-    waiting, places = w.waiting, w.places
-    negative, count, top = 0, 0, w.base
-    for number in range(w.fronts.shape[0]):
-        s = w.fronts[number]
+    negative = 0
+    for number in range(first, end):
         if w.held[number] >= 0:
-            waiting[count], places[count] = s, w.held[number]
-            count += 1
+            _keep_waiting(w, number, w.held[number])
             continue
-        begin = first_row[s]
-        size, width = first_row[s + 1] - begin, pivots[s + 1] - pivots[s]
-        for i in range(size):
-            F[i * size + i : (i + 1) * size] = 0.0
-        for e in range(first_entry[s], first_entry[s + 1]):
-            F[target[e]] += data[source[e]]
-        while count > 0 and parent[waiting[count - 1]] == s:
-            count -= 1
-            child, at = waiting[count], places[count]
-            m = first_row[child + 1] - first_row[child] - (pivots[child + 1] - pivots[child])
-            if at >= w.base:
-                top = at
-            own = first_row[child + 1] - m
-            for i in range(m):
-                row = F[place[own + i] * size : (place[own + i] + 1) * size]
-                left, to = stack[at + i * m + i : at + (i + 1) * m], place[own + i : own + m]
-                for j in range(m - i):
-                    row[to[j]] += left[j]
-        own = pivots[s]
-        inv = inverse[own : own + width]
-        whole = width - width % ROWS
-        for i in range(width):
-            if i < whole and i % ROWS == 0:
-                _eliminate_rows(F, size, i, i, inv)
-            _eliminate_row(F, size, i, i - i % ROWS if i < whole else 0, i, inv)
-            d = F[i * size + i]
-            if not 0.0 < abs(d) < np.inf:  # zero, infinite or not a number
-                return -1 - (own + i)
-            if d < 0.0:
-                negative += 1
-            inv[i] = 1.0 / d
-        i = width
-        while i + ROWS <= size:
-            _eliminate_rows(F, size, i, width, inv)
-            i += ROWS
-        while i < size:
-            _eliminate_row(F, size, i, 0, width, inv)
-            i += 1
-        at = panel[s]
-        factors[at : at + width * size] = F[: width * size]
-        if parent[s] >= 0:
-            m = size - width
-            for i in range(m):
-                row = (width + i) * size + width
-                stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
-            waiting[count], places[count] = s, top
-            top += m * m
-            count += 1
+        s = w.fronts[number]
+        own, size = p.pivots[s], p.first_row[s + 1] - p.first_row[s]
+        width = p.pivots[s + 1] - own
+        open_front(p, A, w, s)
+        found = eliminate_pivots(w.front, size, 0, width, A.inverse[own : own + width])
+        if found < 0:
+            return found - own
+        negative += found
+        eliminate_below(w.front, size, width, size, width, A.inverse[own : own + width])
+        close_front(p, A, w, number)
     return negative
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _keep_waiting(w: Share, number: int, place: int) -> None:
+    """Remember that the remainder of a front waits at a place of the stack."""
+    count = w.depth[0]
+    w.waiting[count], w.places[count] = w.fronts[number], place
+    w.depth[0] = count + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def open_front(p: Symbolic, A: Numbers, w: Share, s: int) -> None:
+    """Write to `w.front` the entries of front s and the remainders of its children."""
+    pivots, first_row, parent, place = p.pivots, p.first_row, p.parent, p.place
+    target, source, first_entry = p.target, p.source, p.first_entry
+    data, F, stack, waiting = A.data, w.front, A.stack, w.waiting
+    size, count = first_row[s + 1] - first_row[s], w.depth[0]
+    for i in range(size):
+        F[i * size + i : (i + 1) * size] = 0.0
+    for e in range(first_entry[s], first_entry[s + 1]):
+        F[target[e]] += data[source[e]]
+    while count > 0 and parent[waiting[count - 1]] == s:
+        count -= 1
+        child, at = waiting[count], w.places[count]
+        m = first_row[child + 1] - first_row[child] - (pivots[child + 1] - pivots[child])
+        if at >= w.base:
+            w.depth[1] = at
+        own = first_row[child + 1] - m
+        for i in range(m):
+            row = F[place[own + i] * size : (place[own + i] + 1) * size]
+            left, to = stack[at + i * m + i : at + (i + 1) * m], place[own + i : own + m]
+            for j in range(m - i):
+                row[to[j]] += left[j]
+    w.depth[0] = count
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def eliminate_pivots(F: Array, size: int, begin: int, end: int, inverse: Array) -> int:
+    """Eliminate the pivots from `begin`, a multiple of `ROWS`, to `end` from each other; those before have been.
+
+    Return the number of negative ones, or -1 - k where pivot k is zero or not finite.
+    """
+    negative, whole = 0, end - end % ROWS
+    for i in range(begin, end):
+        if i < whole and i % ROWS == 0:
+            _eliminate_rows(F, size, i, begin, i, inverse)
+        _eliminate_row(F, size, i, i - i % ROWS if i < whole else begin, i, inverse)
+        d = F[i * size + i]
+        if not 0.0 < abs(d) < np.inf:  # zero, infinite or not a number
+            return -1 - i
+        if d < 0.0:
+            negative += 1
+        inverse[i] = 1.0 / d
+    return negative
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def eliminate_below(F: Array, size: int, begin: int, end: int, pivots: int, inverse: Array) -> None:
+    """Eliminate the first `pivots` pivots from the rows from `begin` to `end`, all below them."""
+    i = begin
+    while i + ROWS <= end:
+        _eliminate_rows(F, size, i, 0, pivots, inverse)
+        i += ROWS
+    while i < end:
+        _eliminate_row(F, size, i, 0, pivots, inverse)
+        i += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def close_front(p: Symbolic, A: Numbers, w: Share, number: int) -> None:
+    """Keep the panel of a front that has been eliminated, and put its remainder on the stack."""
+    s, F, stack, at = w.fronts[number], w.front, A.stack, p.panel[w.fronts[number]]
+    size, width = p.first_row[s + 1] - p.first_row[s], p.pivots[s + 1] - p.pivots[s]
+    A.factors[at : at + width * size] = F[: width * size]
+    if p.parent[s] >= 0:
+        m, top = size - width, w.depth[1]
+        for i in range(m):
+            row = (width + i) * size + width
+            stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
+        _keep_waiting(w, number, top)
+        w.depth[1] = top + m * m
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})

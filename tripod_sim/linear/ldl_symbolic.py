@@ -12,7 +12,7 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from tripod_host.arrays import IndexArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.linear.elimination import columns_of_factor
 from tripod_sim.linear.keys import distinct
 
@@ -53,7 +53,6 @@ class Symbolic(NamedTuple):
         subtrees: Runs of fronts that are computed at the same time, first and after the last, shape (k, 2): subtrees of
             the elimination, of which the last front is the root. They depend on the pattern alone.
         largest: Rows of the largest front.
-        operations: Multiplications and additions of a factorisation.
     """
 
     order: IndexArray
@@ -68,7 +67,6 @@ class Symbolic(NamedTuple):
     first_entry: IndexArray
     subtrees: IndexArray
     largest: int
-    operations: float
 
 
 def analyse(pattern: sparse.csc_matrix) -> Symbolic:
@@ -129,12 +127,16 @@ def _analysed(pattern: sparse.csc_matrix) -> Symbolic:
         part = slice(first_entry[s], first_entry[s + 1])
         e = source[part]
         target[part] = (low[e] - pivots[s]) * sizes[s] + np.searchsorted(r, high[e])
-    height, width = sizes.astype(float), np.diff(pivots).astype(float)
-    operations = float((width * height**2 - width**2 * height + width**3 / 3).sum())
     return Symbolic(
         order, pivots, np.concatenate(lists), first_row, panel, above, place, target, source, first_entry,
-        _subtrees(above, np.diff(panel)), int(sizes.max()), operations,
+        _subtrees(above, np.diff(panel)), int(sizes.max()),
     )  # fmt: skip
+
+
+def operations(plan: Symbolic) -> FloatArray:
+    """Return how many multiplications and additions each front takes, shape (f,)."""
+    height, width = np.diff(plan.first_row).astype(float), np.diff(plan.pivots).astype(float)
+    return width * height**2 - width**2 * height + width**3 / 3
 
 
 def deepest(plan: Symbolic, fronts: IndexArray) -> int:
