@@ -423,6 +423,10 @@ class System:
         self.elastic.forget()
         self._known = False
 
+    def known_no_more(self) -> None:
+        """Forget what the last evaluation found: condensed gradients are others now."""
+        self._known = False
+
     def unbalanced(self) -> float:
         """Return the norm of the residual and of the modes' gradients [N].
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tripod_host.rotations import rotation_matrix
 from tripod_sim import Simulation, load_scene
 from tripod_sim.forces import solid_arrays
 from tripod_sim.integrators import quasi_newton
@@ -63,7 +64,7 @@ def by_newton(model, system) -> Newton:
 
 
 @pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
-@pytest.mark.parametrize("element", ["t4", "h20"])
+@pytest.mark.parametrize("element", ["t4", "h20", "h8_modes"])
 def test_it_ends_where_newton_does_with_fewer_factorisations(
     beam, monkeypatch: pytest.MonkeyPatch, scheme: str, element: str
 ) -> None:
@@ -91,6 +92,48 @@ def test_turning_the_factorisation_spares_others(beam, monkeypatch: pytest.Monke
     )
     unturned, _ = fall(beam(), 25)
     assert 2 * found < unturned
+
+
+TURN = 'prescribed=[{set="tip", turn="0: 0,0,0; 0.25: 0,1.2,0", centre=[0.2,0.01,0.01]}]'
+
+
+def test_condensations_of_modes_turn_with_their_elements(beam, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are those of the turned body, and spare steps."""
+    simulation = beam("mesh.element=h8_modes", "solver.tolerance=1e-7", TURN)
+    (solid,) = simulation.system.elastic.terms
+    simulation.step()
+    x, modes = simulation.state.positions, simulation.state.modes
+    solid.stiffness(x, modes, project=False)
+    R = rotation_matrix(np.array([0.3, -0.2, 0.5]))
+    solid.turn_modes(np.tile(R, (len(solid.elements), 1, 1)))
+    turned = solid.solid.X.copy(), solid.solid.inverse.copy()
+    solid.stiffness(x @ R.T, modes @ R.T, project=False)
+    np.testing.assert_allclose(solid.solid.X, turned[0], atol=1e-9 * np.abs(turned[0]).max())
+    np.testing.assert_allclose(solid.solid.inverse, turned[1], atol=1e-9 * np.abs(turned[1]).max())
+    counts = []
+    for turns in (True, False):
+        if not turns:
+            monkeypatch.setattr(type(solid), "turn_modes", lambda self, rotations: None)
+        simulation, count = beam("mesh.element=h8_modes", "solver.tolerance=1e-7", TURN), 0
+        for _ in range(25):
+            simulation.step()
+            count += simulation.report.iterations + 5 * simulation.report.factorisations
+        counts.append(count)
+    assert counts[0] < 0.9 * counts[1], counts
+
+
+def test_modes_are_remembered_with_the_nodes(beam, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gradient without the modes' part would be that of another potential."""
+    words = ("mesh.element=h8_modes", "mesh.cells=[8,1,1]", "solver.tolerance=1e-9")
+    counts = []
+    for curved in (quasi_newton.CURVED, 2.0):
+        monkeypatch.setattr(quasi_newton, "CURVED", curved)
+        simulation, count = beam(*words), 0
+        for _ in range(20):
+            simulation.step()
+            count += simulation.report.iterations + 5 * simulation.report.factorisations
+        counts.append(count)
+    assert counts[0] < counts[1], counts
 
 
 def test_remembering_steps_spares_steps(beam, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,3 +207,38 @@ def test_a_part_that_is_unstable_or_infinite_is_told(beam, monkeypatch: pytest.M
     x = simulation.state.positions.copy()
     x[solid.elements[-1]] = x[solid.elements[-1]][::-1]  # inside out
     assert np.isinf(solid.add_gradient(x, solid.rest_modes(), np.zeros_like(x)))
+
+
+def test_what_is_remembered_of_modes_is_what_they_do(beam, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of nodes by dx moves modes by -y - X dx, and its gradient is that of the condensations at hand."""
+    simulation, seen = beam("mesh.element=h8_modes", "solver.tolerance=1e-7"), 0
+    system, newton = simulation.system, simulation._stepper.newton
+    (solid,) = system.elastic.terms
+    propose, take = newton._proposed, newton.take
+
+    def proposed() -> np.ndarray:
+        known = newton._gradient()
+        system.known_no_more()
+        system.evaluate(newton._state)
+        np.testing.assert_allclose(known, newton._gradient(), atol=1e-12 + 1e-9 * np.abs(known).max())
+        return propose()
+
+    def taken(phi: float, share: float) -> None:
+        nonlocal seen
+        before, moved = newton._state.copy(), newton._begun is not None
+        take(phi, share)
+        if moved and newton._pairs:
+            after = newton._state
+            dx = (after.positions - before.positions)[solid.elements].reshape(len(solid.elements), -1)
+            change = (after.modes - before.modes).reshape(len(dx), -1) + np.einsum(
+                "erc,ec->er", solid.solid.X, dx
+            )
+            said = newton._pairs[-1][0][system.unknowns :]
+            np.testing.assert_allclose(change.ravel(), said, atol=1e-14 + 1e-6 * np.abs(said).max())
+            seen += 1
+
+    monkeypatch.setattr(newton, "_proposed", proposed)
+    monkeypatch.setattr(newton, "take", taken)
+    for _ in range(12):
+        simulation.step()
+    assert seen > 12

@@ -128,6 +128,18 @@ class ElasticTerm:
     def balance_modes(self) -> None:
         """Take the modes to be in balance: the next step moves them by -X dx alone."""
 
+    @property
+    def mode_gradient(self) -> FloatArray:
+        """f_a + h_a of the last gradient [N], shape (m, modes of an element times 3), of a term that has modes."""
+        raise NotImplementedError
+
+    def solve_modes(self, q: FloatArray) -> FloatArray:
+        """Return K_aa^-1 q of the last `stiffness`, both as `mode_gradient`, of a term that has modes."""
+        raise NotImplementedError
+
+    def turn_modes(self, rotations: FloatArray) -> None:
+        """Turn the condensation of the last `stiffness` with its elements, by `rotations`, shape (m, 3, 3)."""
+
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
 
@@ -262,6 +274,28 @@ class Elastic:
         having = [(term, k) for k, term in enumerate(self.terms) if term.has_modes]
         each = tolerance / max(1, len(having))
         return sum(term.settle_modes(x, self.of(modes, k), each, damper=self._damps(k)) for term, k in having)
+
+    @property
+    def mode_gradient(self) -> FloatArray:
+        """The terms' f_a + h_a of the last gradient [N], shape (s,)."""
+        having = [t.mode_gradient.ravel() for t in self.terms if t.has_modes]
+        return np.concatenate(having) if having else np.zeros(0)
+
+    def solve_modes(self, q: FloatArray) -> FloatArray:
+        """Return K_aa^-1 q of the last `stiffness`, both of shape (s,)."""
+        having, out, end = [t for t in self.terms if t.has_modes], np.empty_like(q), 0
+        for term in having:
+            part = slice(end, end := end + term.mode_offsets.size)
+            out[part] = term.solve_modes(q[part].reshape(term.mode_offsets.shape)).ravel()
+        return out
+
+    def offset_modes(self, y: FloatArray) -> None:
+        """Let the next step move the modes by -y - X dx, y of shape (s,)."""
+        end = 0
+        for term in self.terms:
+            if term.has_modes:
+                part = slice(end, end := end + term.mode_offsets.size)
+                term.mode_offsets[:] = y[part].reshape(term.mode_offsets.shape)
 
     def balance_modes(self) -> None:
         """Take the modes to be in balance."""

@@ -179,3 +179,21 @@ def _renew(
         if invert(inverse):
             return True
     return False
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def turn_blocks(rotations: Array, matrices: Array) -> None:
+    """Turn the matrix of each element, (m, 3a, 3b), in place: each 3 x 3 block B becomes R B R^T, R (m, 3, 3)."""
+    half = np.empty((3, 3))
+    for e in range(matrices.shape[0]):
+        R, B = rotations[e], matrices[e]
+        for a in range(0, B.shape[0], 3):
+            for b in range(0, B.shape[1], 3):
+                for i in range(3):
+                    for j in range(3):
+                        half[i, j] = (
+                            R[i, 0] * B[a, b + j] + R[i, 1] * B[a + 1, b + j] + R[i, 2] * B[a + 2, b + j]
+                        )
+                for i in range(3):
+                    for j in range(3):
+                        B[a + i, b + j] = half[i, 0] * R[j, 0] + half[i, 1] * R[j, 1] + half[i, 2] * R[j, 2]

@@ -9,7 +9,7 @@ from tripod_host.threads import together
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
 from tripod_sim.forces.elastic import ElasticTerm
-from tripod_sim.forces.mode_kernels import settle_modes
+from tripod_sim.forces.mode_kernels import settle_modes, turn_blocks
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays, SolidPart, parts_of
 from tripod_sim.materials.calls import addresses, tangent_of
@@ -179,6 +179,21 @@ class Solid(ElasticTerm):
         np.negative(self.solid.push, out=self.solid.pull)
         self.solid.y[:] = 0.0
         self.mode_residual_squared = 0.0
+
+    @property
+    def mode_gradient(self) -> FloatArray:
+        """As `ElasticTerm.mode_gradient`."""
+        return self.solid.pull + self.solid.push
+
+    def solve_modes(self, q: FloatArray) -> FloatArray:
+        """As `ElasticTerm.solve_modes`."""
+        found: FloatArray = np.matmul(self.solid.inverse, q[:, :, None])[:, :, 0]
+        return found
+
+    def turn_modes(self, rotations: FloatArray) -> None:
+        """As `ElasticTerm.turn_modes`."""
+        turn_blocks(rotations, self.solid.X)
+        turn_blocks(rotations, self.solid.inverse)
 
     def worst_element(self, x: FloatArray, modes: FloatArray) -> tuple[int, float]:
         """Return the element with the smallest volume ratio det F, and that ratio."""

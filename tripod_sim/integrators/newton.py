@@ -276,6 +276,7 @@ class Newton(Descent):
         system = self.system
         if self._is_at_trial:
             system.evaluate(self._state)
+        self._aim_modes()
         np.negative(p, out=self._step)
         system.reduction.moves(self._step, system.lever, self._dx)
         if self.near:
@@ -283,6 +284,9 @@ class Newton(Descent):
         system.move(self._state, self._step, self._dx, share, self._trial)
         self._is_at_trial = True
         return system.evaluate(self._trial)
+
+    def _aim_modes(self) -> None:
+        """Let the modes take their part in the step that was proposed; the evaluation at the point has seen to it."""
 
     def slope(self, p: FloatArray, *, trial: bool) -> float:
         """Return residual . p, of the state that was evaluated last."""

@@ -100,6 +100,15 @@ class Rotations:
         out[count:] = np.repeat(state.rotations[: self._bodies], 2, axis=0)
         return out
 
+    def of_elements(self, state: State) -> list[FloatArray]:
+        """Return the rotation of each element for the body in `state`, shape (m, 3, 3), of each kind."""
+        found = []
+        for elements, slopes in self._solids:
+            out = np.empty((len(elements), 3, 3))
+            write_element_rotations(state.positions, elements, slopes, out)
+            found.append(out)
+        return found
+
 
 def _weighted_slopes(rest: FloatArray, elements: IndexArray, kind: Element) -> FloatArray:
     """Return the slopes of the shape functions amid each element times its volume there [m²], shape (m, k, 3)."""
@@ -125,6 +134,33 @@ def add_gradients(x: Array, elements: Array, slopes: Array, sums: Array) -> None
 
 
 @njit(cache=True, error_model="numpy")
+def _write_rotation(F: Array, out: Array) -> None:
+    """Write the rotation in F, which is destroyed; the identity where F has none."""
+    size = 0.0
+    for i in range(3):
+        for j in range(3):
+            size += F[i, j] * F[i, j]
+    F *= np.sqrt(3.0 / size)  # as large as a rotation is; NaN, which turns nothing, without elements
+    if not polar_rotation(F, out):
+        for i in range(3):
+            for j in range(3):
+                out[i, j] = 1.0 if i == j else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def write_element_rotations(x: Array, elements: Array, slopes: Array, out: Array) -> None:
+    """Write the rotation amid each element at x, shape (m, 3, 3)."""
+    F = np.empty((3, 3))
+    for e in range(elements.shape[0]):
+        F[:] = 0.0
+        for a in range(elements.shape[1]):
+            for i in range(3):
+                for j in range(3):
+                    F[i, j] += x[elements[e, a], i] * slopes[e, a, j]
+        _write_rotation(F, out[e])
+
+
+@njit(cache=True, error_model="numpy")
 def write_rotations(sums: Array, around: Array, out: Array) -> None:
     """Write the rotation in the sum over the nodes around each point, (k, c), to `out` (k, 3, 3)."""
     F = np.empty((3, 3))
@@ -134,15 +170,7 @@ def write_rotations(sums: Array, around: Array, out: Array) -> None:
             for i in range(3):
                 for j in range(3):
                     F[i, j] += sums[around[p, c], i, j]
-        size = 0.0
-        for i in range(3):
-            for j in range(3):
-                size += F[i, j] * F[i, j]
-        F *= np.sqrt(3.0 / size)  # as large as a rotation is; NaN, which turns nothing, without elements
-        if not polar_rotation(F, out[p]):
-            for i in range(3):
-                for j in range(3):
-                    out[p, i, j] = 1.0 if i == j else 0.0
+        _write_rotation(F, out[p])
 
 
 @njit(cache=True, error_model="numpy")

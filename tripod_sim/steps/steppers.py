@@ -70,11 +70,10 @@ def _newton(draft: Draft, system: System) -> Newton:
 def _solver_to_tolerance(model: Model, system: System) -> Newton:
     """Return what goes to the tolerance: with a factorisation that serves many steps where the body is solid.
 
-    Errors that are estimated need that of the end of each step, or one of each length; modes are condensed with that of
-    the last assembly.
+    Errors that are estimated need that of the end of each step, or one of each length.
     """
     solver, elastic = model.solver, system.elastic
-    solid = any(term.solid for term in elastic.terms) and not elastic.has_modes
+    solid = any(term.solid for term in elastic.terms)
     if not (model.scheme and solid) or model.carried or model.estimate is ErrorEstimate.OVER_PATH:
         return Newton(system, solver.tolerance, solver.max_iterations)
     from tripod_sim.integrators.quasi_newton import QuasiNewton
