@@ -253,6 +253,25 @@ def table(found: list[dict[str, Any]]) -> list[str]:
     ]
 
 
+def hard_table(found: list[dict[str, Any]]) -> list[str]:
+    """Return a Markdown table of hard cases: times of all steps [s], or what failed."""
+    rows: dict[tuple[Any, ...], dict[str, dict[str, Any]]] = {}
+    for one in found:
+        rows.setdefault((one["hard"], one["poisson"]), {})[one["who"]] = one
+    lines = [
+        "| case | what happens | Poisson's ratio | now [s] | before [s] | lowest node [mm] |",
+        "|---|---|---|---|---|---|",
+    ]
+    for (name, nu), who in rows.items():
+        both = [who.get(of, {}) for of in ("new", "old")]
+        seconds = [
+            one.get("failed") or one.get("error") or f"{one.get('seconds', np.nan):.3g}" for one in both
+        ]
+        heights = ", ".join(f"{1e3 * one.get('height', np.nan):.2f}" for one in both)
+        lines.append(f"| {name} | `{HARD[name]}` | {nu} | {' | '.join(seconds)} | {heights} |")
+    return lines
+
+
 def _times(found: dict[str, Any]) -> str:
     """Return median and 95th percentile [ms] in words, or what happened instead."""
     if "median" in found:
@@ -295,7 +314,8 @@ def main() -> None:
         print(json.dumps({**case, **found}), flush=True)
         done_cases.append({**case, **found})
     if wanted.write:
-        write_part("speed.md", "large", table(done_cases))
+        name, made = ("hard", hard_table(done_cases)) if wanted.hard else ("large", table(done_cases))
+        write_part("speed.md", name, made)
 
 
 if __name__ == "__main__":

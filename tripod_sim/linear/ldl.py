@@ -21,7 +21,6 @@ from tripod_sim.linear.solver import LinearSolver, Pattern
 OPERATIONS = 23
 """Of a factorisation, in the time in which a solution reads a number of L: 23e9 and 1e9 in a second, one thread."""
 
-
 LARGE = 20_000_000
 """Operations from which a front is eliminated by all threads: it then takes a millisecond."""
 
@@ -46,9 +45,7 @@ class Ldl(LinearSolver):
         self.solves_a_factor = operations(self._plan).sum() / (OPERATIONS * self.entries)
         self._numbers: kernels.Numbers | None = None  # until needed: some only ask how many entries there are
         self._shares: list[kernels.Share] = []
-        self._large: list[
-            int
-        ] = []  # fronts of the last share that all threads eliminate, one after the other
+        self._large = list[int]()  # fronts of the last share that all threads eliminate, one after the other
         self._type: type[np.floating[Any]] = np.float64
 
     def sibling(self, data: FloatArray | None = None) -> "Ldl":
@@ -109,9 +106,8 @@ class Ldl(LinearSolver):
         inverse = A.inverse[own : own + width]
 
         def eliminate(rows: Sequence[int], pivots: int) -> None:
-            together(
-                [partial(kernels.eliminate_below, F, size, a, b, pivots, inverse) for a, b in pairwise(rows)]
-            )
+            runs = pairwise(rows)
+            together([partial(kernels.eliminate_below, F, size, a, b, pivots, inverse) for a, b in runs])
 
         kernels.open_front(plan, A, share, s)
         for begin in range(0, width, BLOCK):
@@ -121,11 +117,9 @@ class Ldl(LinearSolver):
             if found < 0:
                 return int(found - own)
             negative += found
-        low = size - width  # rows have fewer numbers the lower they are
-        eliminate(
-            [width + round(low * (1.0 - (1.0 - k / PIECES) ** 0.5)) // 4 * 4 for k in range(PIECES)] + [size],
-            width,
-        )
+        part = 1.0 - np.sqrt(1.0 - np.arange(PIECES) / PIECES)  # rows have fewer numbers the lower they are
+        rows = width + ((size - width) * part).astype(int) // kernels.ROWS * kernels.ROWS
+        eliminate([*rows.tolist(), size], width)
         kernels.close_front(plan, A, share, number)
         return negative
 
