@@ -193,6 +193,16 @@ class Display:
         self._robot = Heard(status, time.monotonic())
         self._find_robot(names.count_servos(status.joint_names))
 
+    @property
+    def robot(self) -> words.RobotFields | None:
+        """The newest status of the driver, None while it is not heard."""
+        return self._robot.status if self._robot.fresh(time.monotonic()) else None
+
+    @property
+    def start(self) -> FloatArray:
+        """Joint values at the start of the scene, shape (n + 1,) [rad, m, N, Pa]; empty where they are not known."""
+        return np.array(self._scene.picture.start)
+
     def _find_robot(self, servos: int) -> None:
         if servos and self._scene.find_robot(servos):
             self._drawn_joints = None
@@ -326,8 +336,7 @@ class Display:
             control.angles, measured, control.slide, self._torques if measured is not None else None,
             enabled=control.streaming,
         )  # fmt: skip
-        robot = self._robot.status if self._robot.fresh(now) else None
-        panel.show_run(words.run_table(self._sim.status, robot) if self._sim.fresh(now) else None)
+        panel.show_run(words.run_table(self._sim.status, self.robot) if self._sim.fresh(now) else None)
         panel.show_figures(self._figures.status if self._figures.fresh(now) else None)
         panel.show_recording(self.recorder)
 

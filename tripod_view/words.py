@@ -116,8 +116,13 @@ def run_table(status: SimFields, robot: "RobotFields | None") -> dict[str, objec
         "dt": status.dt,
         "time_error": _known(status.time_error),
         "effector_time_error": _known(status.effector_time_error),
-        "simulated": robot is None or robot.port in SIMULATED or robot.state == 0,
+        "simulated": not is_real(robot),
     }
+
+
+def is_real(robot: "RobotFields | None") -> bool:
+    """Return whether a robot is connected, by the status of the driver; None while that is not heard."""
+    return robot is not None and robot.port not in SIMULATED and robot.state != 0
 
 
 def _known(value: float) -> float | None:
