@@ -855,6 +855,44 @@ def test_the_path_of_the_ball_is_drawn(stage: Stage, browser: Any) -> None:
     stage.sim.publish_game(False)
 
 
+def test_a_camera_that_follows_the_ball_waits_for_one_that_is_lost(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.004)
+    there = (0.0, 0.0, 0.04)
+    with Opened(browser, stage, "screen") as opened:
+        page = opened.page
+        opened.text("#panel h1", "maze")
+        opened.press("Just watch")
+        stage.wait(
+            lambda: stage.sim.publish_ball(*there) or page.locator("#follow option[value='/ball']").count()
+        )
+        page.locator("#follow").select_option("/ball")
+        page.wait_for_timeout(1000)
+        before = place(opened, "servo 0")
+        stage.sim.publish_ball(0.0, 0.0, -5.0)
+        page.wait_for_timeout(1000)
+        assert place(opened, "servo 0") == before
+        opened.press("Front")
+        stage.wait(lambda: place(opened, "servo 0") != before)
+        front = place(opened, "servo 0")
+        opened.press("Reset view")
+        stage.wait(lambda: place(opened, "servo 0") != front)
+        page.locator("#picture").hover(position={"x": 200, "y": 500})
+        page.mouse.wheel(0, -480)  # to where the pointer is, away from the middle
+        page.wait_for_timeout(500)
+        stage.sim.publish_ball(*there)
+
+        def is_in_the_middle() -> bool:
+            box = page.locator("#picture").bounding_box()
+            page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            page.wait_for_timeout(200)
+            return page.locator("#picked").text_content().startswith("ball")
+
+        stage.wait(is_in_the_middle)
+        assert opened.errors == []
+    stage.sim.publish_game(False)
+
+
 def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, browser: Any) -> None:
     show(stage.sim, "silicone")
     topic = names.field_topic("von_mises")

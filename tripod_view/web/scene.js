@@ -7,6 +7,7 @@ const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, 
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
 const WAY = 2000; // places of a path that are kept
 const BALL = "/ball", TRAIL = 0.3, REST = 1e-6; // its node; time over which its speed is a mean [s]; speed that is none [m/s]
+const FAR = 2; // radii of the scene, beyond which nothing is followed: a ball that is lost falls for ever
 const FOLLOWED = { "/ball": "ball", "/effector": "effector" };
 
 const colour = (rgb) => new THREE.Color(...rgb.map((c) => c / 255));
@@ -285,7 +286,7 @@ class LiveView extends View {
   }
 
   home() {
-    if (!this.follows) this.origin = [...this.stage.camera.centre];
+    if (!this.follows || this.gone) this.origin = [...this.stage.camera.centre];
     super.home();
   }
 
@@ -297,6 +298,14 @@ class LiveView extends View {
     this.camera.position.sub(this.controls.target);
     this.controls.target.set(0, 0, 0);
     this.touched = true;
+  }
+
+  // Goes along to a place, unless that is far from the scene; what comes back is in the middle again.
+  accompany(place) {
+    const { centre, radius } = this.stage.camera, gone = Math.hypot(...place.map((v, a) => v - centre[a])) > FAR * radius;
+    if (this.gone && !gone) this.follow(this.followed);
+    this.gone = gone;
+    if (!gone) this.origin = place;
   }
 
   node(path) { return [...this.all.values()].find((node) => node.path === path); }
@@ -384,7 +393,7 @@ class LiveView extends View {
   render() {
     if (this.way) this.walk();
     const followed = this.followed && this.node(this.followed);
-    if (followed) this.origin = followed.group.position.toArray();
+    if (followed) this.accompany(followed.group.position.toArray());
     this.root.position.set(...this.origin.map((v) => -v));
     this.lay();
     this.root.updateMatrixWorld();
