@@ -1,6 +1,7 @@
 // The 3-D scene: nodes by number as `drawing.py` describes them, from a websocket of its own.
 
 import { listen, value } from "./channel.js";
+import { decimals } from "./dom.js";
 
 const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
@@ -412,16 +413,20 @@ class LiveView extends View {
     this.write();
   }
 
-  // Puts labels where their nodes are.
-  write() {
+  // Labels that are seen, where their nodes are.
+  *captions() {
     const { clientWidth: w, clientHeight: h } = this.canvas, at = new THREE.Vector3();
     for (const { label, group } of [...this.all.values(), ...this.tips]) {
       if (!label) continue;
       at.setFromMatrixPosition(group.matrixWorld).project(this.camera);
       const seen = at.z < 1 && this.isSeen(group);
       label.style.display = seen ? "" : "none";
-      if (seen) label.style.transform = `translate(${0.5 * w * (1 + at.x)}px, ${0.5 * h * (1 - at.y)}px) translate(-50%, -130%)`;
+      if (seen) yield [label, 0.5 * w * (1 + at.x), 0.5 * h * (1 - at.y)];
     }
+  }
+
+  write() {
+    for (const [label, x, y] of this.captions()) label.style.transform = `translate(${x}px, ${y}px) translate(-50%, -130%)`;
   }
 }
 
@@ -469,6 +474,7 @@ export function scene() {
   };
   listen("maps", offer);
   listen("fields", offer);
+  listen("run", () => { if (view.forces) redraw(); });
   document.addEventListener("visibilitychange", tell);
 
   function paint() {
@@ -482,7 +488,8 @@ export function scene() {
     }
     colours?.update();
     view.measure();
-    boxes.offer(view.groups());
+    const groups = view.groups(), waits = view.forces && !groups.length && value("run")?.state === 1;
+    boxes.offer(groups, waits ? "forces are known after the next step" : "");
     view.render();
     byId("scale").textContent = `one square of the floor: ${length(view.cell)}`;
     offerFollow(view);
@@ -506,7 +513,7 @@ export function scene() {
   open();
   addEventListener("resize", redraw);
   new ResizeObserver(redraw).observe(byId("stage"));
-  tools(view, redraw, tell, () => colours?.lines ?? []);
+  tools(view, redraw, tell, () => [colours?.key, boxes.lines]);
   return view;
 }
 
@@ -530,8 +537,8 @@ function tools(view, redraw, tell, legend) {
     lines: () => { view.showLines(!view.lined); pressed("lines", view.lined); },
     path: () => { view.showPath(!view.way); pressed("path", Boolean(view.way)); },
     shot: async () => {
-      const name = value("scene")?.name || "tripod", time = value("run")?.time;
-      save(`${name}.png`, await view.screenshot(BACKGROUND, [time === undefined ? name : `${name}, ${time.toFixed(2)} s`, ...legend()]));
+      const name = value("scene")?.name || "tripod", run = value("run");
+      save(`${name}.png`, await view.screenshot(BACKGROUND, [run ? `${name}, ${run.time.toFixed(decimals(run.dt))} s` : name], ...legend()));
     },
     forces: () => { view.showForces(!view.forces); pressed("forces", view.forces); tell(); },
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),

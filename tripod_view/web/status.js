@@ -42,11 +42,11 @@ export function status() {
     const error = content.effector_time_error ?? content.time_error;
     const parts = [
       `${STATES[content.state] ?? "?"} at ${content.time.toFixed(decimals(content.dt))} s`,
-      `${content.factor.toFixed(2)} x real time${content.speed && content.speed !== 1 ? ` (chosen: ${content.speed} x)` : ""}`,
+      content.state === 1 ? "" : `${content.factor.toFixed(2)} x real time${content.speed && content.speed !== 1 ? ` (chosen: ${content.speed} x)` : ""}`,
       `step ${milli(content.step)} (p99 ${milli(content.p99)}) of ${milli(content.dt)}`,
     ];
     if (error !== null) parts.push(`time steps err by ${(1e3 * error).toPrecision(2)} mm`);
-    setText(run, parts.join(" · "));
+    setText(run, parts.filter(Boolean).join(" · "));
     run.className = content.state === 4 ? "bad" : "";
   });
   listen("figures", (figures) => {
