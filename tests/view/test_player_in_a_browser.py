@@ -406,6 +406,27 @@ def test_the_ball_is_clicked_and_plotted_with_its_contact_force(browser: Any, tm
     assert player.errors == []
 
 
+def test_nodes_that_nobody_sees_are_not_told_as_grey(browser: Any, tmp_path: Path) -> None:
+    made = shown_film()
+    body, *others = made.bodies
+    count, (field, *rest) = body.positions.shape[1], body.fields
+    values = np.concatenate([field.values, np.full((len(field.values), 2), np.nan)], axis=1)
+    values[:, 3] = np.nan
+    body = replace(
+        body,
+        positions=np.concatenate([body.positions, body.positions[:, :2]], axis=1),
+        fields=(replace(field, values=values), *(replace(f, values=values) for f in rest)),
+    )
+    path = tmp_path / "inner.html"
+    write_html(replace(made, bodies=(body, *others)), path)
+    player = Player(browser, path)
+    player.page.locator("#colour").select_option(field.name)
+    player.wait("document.querySelector('#legend-note').textContent")
+    messages.assert_names(player.page.locator("#legend-note").inner_text(), f"1 of {count}", "rigid")
+    player.page.close()
+    assert player.errors == []
+
+
 def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
     page = player.page
     assert player.plots() == ["height [mm]"]
