@@ -167,6 +167,7 @@ def test_a_painted_picture_has_the_colours_of_the_field_and_a_legend() -> None:
     plain = np.array(MAPS["plain"])
     np.testing.assert_array_equal(scale.colours(np.array([-1.0, 0, 2, 3])), plain[[0, 0, -1, -1]])
     np.testing.assert_array_equal(scale.colours(np.array([np.nan, np.inf])), [NONE, NONE])
+    assert [replace(scale, low=1e-11)._number(v) for v in (1e-11, 1.23456, 2.0)] == ["0", "1.23", "2"]
     legend = scale.legend()
     np.testing.assert_allclose(legend[25, 6], plain[0])
     np.testing.assert_allclose(legend[25, 6 + BAR[0] - 1], plain[-1])

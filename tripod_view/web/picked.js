@@ -25,7 +25,7 @@ export function tellPicked(view, plotNode) {
     const rest = view.rest(hit.part, hit.node), moved = rest ? `; moved ${length(Math.hypot(...place.map((v, a) => v - rest[a])))}` : "";
     const fields = view.fieldsAt(hit.part, hit.node).map(([name, number]) => {
       const { label = name, unit = "" } = value("fields")?.find((field) => field.name === name) ?? {};
-      return `; ${label} ${Number.isFinite(number) ? `${Number(number.toPrecision(3))} ${unit}` : "has no value"}`;
+      return `; ${label} ${Number.isFinite(number) ? amount(number, unit) : "has no value"}`;
     });
     told.textContent = `${hit.body}, node ${hit.node} at ${placed(place, radius)}${moved}${fields.join("")}`;
     copy.hidden = !rest;
