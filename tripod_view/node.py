@@ -108,7 +108,7 @@ class ViewNode(Node):
         self._patient = Patient()
         self._sim_joints_at, self._slide = float("-inf"), 0.0  # [m]: the driver does not know it
         self._target_asked = False
-        self._simulated = float("-inf")  # time of the newest body state [s]
+        self._simulated = float("-inf"), float("-inf")  # time of the newest body state, and when it came [s]
         self._commanded_at = float("-inf")
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
 
@@ -282,9 +282,10 @@ class ViewNode(Node):
 
     def _on_body_state(self, message: BodyState) -> None:
         self._display.keep_state(lambda: state_of(message), message.time)
-        if message.time < self._simulated:  # whoever reset it
+        (before, at), now = self._simulated, time.monotonic()
+        if message.time < before and now - at <= STALE:  # reset by anyone; one that crashed was silent
             self._restart()
-        self._simulated = message.time
+        self._simulated = message.time, now
 
     def _on_field(self, name: str, message: Field) -> None:
         if message.unit != (unit := self._fields.get(name)):

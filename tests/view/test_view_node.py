@@ -317,6 +317,11 @@ def test_the_working_pose_is_a_slow_path_that_a_slider_ends(stage: Stage, browse
     assert angles(stage.sim.commands[count])[0] == pytest.approx(np.radians(-30.0))
 
 
+def last(stage: Stage) -> list[float]:
+    """Return where the newest command ends [rad, m], empty before the first."""
+    return angles(stage.sim.commands[-1]) if stage.sim.commands else []
+
+
 @pytest.mark.parametrize("who", ["page", "others"])
 def test_a_reset_lets_the_sliders_ask_for_the_start_of_the_scene(
     stage: Stage, browser: FakeBrowser, who: str
@@ -326,13 +331,49 @@ def test_a_reset_lets_the_sliders_ask_for_the_start_of_the_scene(
     browser.press("TELEOP")
     stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
     browser.slide(0, -30.0)
-    stage.wait(lambda: angles(stage.sim.commands[-1])[0] == pytest.approx(np.radians(-30.0)))
+    stage.wait(lambda: last(stage)[:1] == pytest.approx([np.radians(-30.0)]))
     if who == "page":
         browser.tell(sim="reset")
     else:
         stage.sim.began = time.monotonic()
-    stage.wait(lambda: angles(stage.sim.commands[-1]) == pytest.approx(names.WORKING_POSE))
+    stage.wait(lambda: last(stage) == pytest.approx(names.WORKING_POSE))
     browser.wait(lambda: browser.shown(0) == pytest.approx(np.degrees(names.WORKING_POSE[0]), abs=0.1))
+    stage.sim.began = 0.0
+    browser.press("STOP")
+
+
+def test_a_reset_ends_the_following_of_the_target(stage: Stage, browser: FakeBrowser) -> None:
+    show(stage.sim, "maze")
+    browser.wait(lambda: browser.value("scene")["name"] == "maze")
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    browser.press("IK")
+    stage.wait(lambda: stage.mode() == (ControlMode.IK, "view"))
+    stage.sim.commands.clear()
+    browser.tell(sim="reset")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    stage.wait(lambda: stage.sim.commands)
+    assert angles(stage.sim.commands[0]) == pytest.approx(names.WORKING_POSE)
+    browser.press("STOP")
+
+
+def test_a_simulator_that_comes_back_after_silence_resets_nothing(stage: Stage, browser: FakeBrowser) -> None:
+    show(stage.sim, "maze")
+    browser.wait(lambda: browser.value("scene")["name"] == "maze")
+    stage.sim.jump_to(-0.5, -0.5, -0.5, 0.0)
+    browser.wait(lambda: browser.shown(0) == pytest.approx(np.degrees(-0.5), abs=0.1))
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    stage.wait(lambda: stage.sim.commands and angles(stage.sim.commands[-1]) == pytest.approx([-0.5] * 3))
+    stage.sim.silent = True
+    stage.wait(lambda: not browser.value("run"))
+    count = len(stage.sim.commands)
+    stage.sim.publish_joints(np.array([-0.5, -0.5, -0.5, 0.0]))
+    stage.wait(lambda: len(stage.sim.commands) > count)
+    stage.sim.began, stage.sim.silent = time.monotonic(), False
+    pictures = browser.pictures()
+    browser.wait(lambda: browser.pictures() > pictures + 20)
+    assert angles(stage.sim.commands[-1]) == pytest.approx([-0.5] * 3)
     stage.sim.began = 0.0
     browser.press("STOP")
 
@@ -347,7 +388,7 @@ def test_a_reset_stops_a_real_robot(stage: Stage, browser: FakeBrowser) -> None:
     browser.press("TELEOP")
     stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
     browser.slide(0, -30.0)
-    stage.wait(lambda: angles(stage.sim.commands[-1])[0] == pytest.approx(np.radians(-30.0)))
+    stage.wait(lambda: last(stage)[:1] == pytest.approx([np.radians(-30.0)]))
     browser.tell(sim="reset")
     stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
     browser.wait(lambda: lines_naming(browser.text(), "robot", "stopped", "control"))

@@ -14,7 +14,7 @@ export function status() {
   const mode = element("div", { id: "mode" });
   const notice = element("div", { id: "notice", role: "status" });
   const notes = element("div", { id: "notes" });
-  const lines = element("div", { id: "lines" });
+  const lines = element("div", { id: "node-lines" });
 
   listen("scene", (scene) => {
     setText(title, scene.name || "Tripod");
