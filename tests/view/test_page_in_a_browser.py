@@ -884,10 +884,11 @@ def test_a_camera_that_follows_the_ball_waits_for_one_that_is_lost(stage: Stage,
         )
         page.locator("#follow").select_option("/ball")
         page.wait_for_timeout(1000)
-        before = place(opened, "servo 0")
         stage.sim.publish_ball(0.0, 0.0, -5.0)
         page.wait_for_timeout(1000)
-        assert place(opened, "servo 0") == before
+        before, box = place(opened, "servo 0"), stage_box(opened)
+        assert box[0] < before[0] < box[2]
+        assert box[1] < before[1] < box[3]
         opened.press("Front")
         stage.wait(lambda: place(opened, "servo 0") != before)
         front = place(opened, "servo 0")

@@ -301,12 +301,12 @@ class LiveView extends View {
     this.touched = true;
   }
 
-  // Goes along to a place, unless that is far from the scene; what comes back is in the middle again.
+  // Goes along to a place; while that is far from the scene, to the middle of the scene.
   accompany(place) {
     const { centre, radius } = this.stage.camera, gone = Math.hypot(...place.map((v, a) => v - centre[a])) > FAR * radius;
     if (this.gone && !gone) this.follow(this.followed);
     this.gone = gone;
-    if (!gone) this.origin = place;
+    this.origin = gone ? [...centre] : place;
   }
 
   node(path) { return [...this.all.values()].find((node) => node.path === path); }
