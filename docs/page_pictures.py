@@ -161,6 +161,8 @@ SHOTS = {
         ("tripod", *WORKING_POSE),
         (
             zoom(6),
+            choose("#speed", "0.1"),
+            wait(3.0),
             click(0.4, 0.5),
             fill("load along z (N)", "-0.2"),
             press("#load"),
@@ -183,6 +185,12 @@ SHOTS = {
             lambda page: page.locator("#more").scroll_into_view_if_needed(),
         ),
         card="plots",
+    ),
+    "page_drape": Shot(
+        ("drape",),
+        (press("#aside"), zoom(6), press("#lines"), colour("stretch"), press("#forces"), wait(5.0)),
+        size=(1100, 700),
+        width=800,
     ),
     "own_2": Shot(
         (

@@ -144,7 +144,8 @@ class LagMonitor:
             todo.insert(0, "close other programs")
         elif self._option:
             todo.append(f"start with `--accuracy {self._option}`")
-        return f"slower than real time ({speed.real_time_factor:.2f} x): {', or '.join(todo)}"
+        chosen = "real time" if speed.rate >= 1.0 else f"the chosen {speed.rate:g} x"
+        return f"slower than {chosen} ({speed.real_time_factor:.2f} x): {', or '.join(todo)}"
 
     def words(self, speed: Speed) -> str:
         """Return that the steps are slower than real time, by how much, and `advice`; empty where they are not."""

@@ -306,8 +306,11 @@ class SimNode(Node):
         if observed and observed is not self._observed:
             self._observed = observed
             self._topics.publish_wanted(observed)
-        if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
-            return
+        if snapshot is self._shown:
+            if now - self._shown_at < REPEAT_PERIOD:
+                return
+            if observed is snapshot:
+                self._topics.publish_wanted(observed)
         self._shown, self._shown_at = snapshot, now
         self._publish_input_log()  # before the body to which it leads
         self._topics.publish(snapshot)

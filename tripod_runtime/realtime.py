@@ -106,7 +106,8 @@ class Speed:
         p99: 99th percentile of it [s].
         missed: Periods skipped because the machine was late, since start.
         load: CPU time of the physics thread over simulated time; above 1 no machine of this speed keeps real time.
-        behind: Whether the thread runs, and slower than real time.
+        behind: Whether the thread runs, and slower than real time, or than the speed that was chosen if that is less.
+        rate: The speed that was chosen: simulated time over wall time.
     """
 
     real_time_factor: float
@@ -115,6 +116,7 @@ class Speed:
     missed: int
     load: float = 0.0
     behind: bool = False
+    rate: float = 1.0
 
 
 class RealTime(threading.Thread):
@@ -378,7 +380,7 @@ class RealTime(threading.Thread):
         ranks = np.multiply((0.5, 0.99), len(taken) - 1)
         median, p99 = np.interp(ranks, np.arange(len(taken)), np.sort(taken)).tolist()
         behind = running and 0 < factor < BEHIND * min(1.0, self._rate)
-        return Speed(factor, median, p99, self._missed, cpu / simulated, behind)
+        return Speed(factor, median, p99, self._missed, cpu / simulated, behind, self._rate)
 
     def pause(self, paused: bool, timeout: float = 2.0) -> None:
         """Pause, and wait for the end of the step at hand, or go on; a failure stays until the next reset."""

@@ -33,6 +33,12 @@ KEY_HOLD = 0.3
 ARRIVED = 0.02
 """A motion whose measured angles end farther than this from its goal is reported [rad; others: part of the range]."""
 
+STUCK = 1.0
+"""Time without progress after which a motion has ended, though not at its goal [s]. A simulation may run slowly."""
+
+PROGRESS = 1e-3
+"""Least progress of a motion, as a part of ARRIVED, summed over the joints."""
+
 
 class Control:
     """The page as an operator.
@@ -69,6 +75,7 @@ class Control:
         self._ready_at = float("-inf")
         self._goal: FloatArray = np.zeros(limits.size + 1)
         self._motion_until: float | None = None
+        self._distance, self._progress_at = float("inf"), float("-inf")
 
     @property
     def mode(self) -> Mode:
@@ -131,6 +138,8 @@ class Control:
         """
         gap = now - self._measured_at > STALE
         self._measured, self._measured_at = np.array(joints, float), now
+        if gap:  # a paused simulation makes no progress, and is not stuck
+            self._progress_at = now
         if gap or not self.streaming or self._motion_until is not None:
             self._follow_measured(now)
 
@@ -176,6 +185,21 @@ class Control:
         *angles, slide = working_pose(self.limits.count)
         others = self.angles[self.limits.count :].tolist()
         return (*angles, *others, slide if self.limits.count else 0.0)
+
+    def restart(self, start: FloatArray) -> None:
+        """Ask for the joint values at the start of a scene, shape (n + 1,) [rad, m, N, Pa], once a simulation is there
+        again; a motion ends. Nothing happens without control, or with values of other joints.
+        """
+        if not self.streaming or start.shape != (self.limits.size + 1,):
+            return
+        self._end_motion()
+        self._ask_for(start)
+
+    def _ask_for(self, joints: FloatArray) -> None:
+        """Let the sliders ask for joint values, shape (n + 1,) [rad, m, N, Pa], within the limits."""
+        joints = np.clip(joints, self.limits.lower, self.limits.upper)
+        self.angles, self.slide = joints[:-1], float(joints[-1]) if self.limits.count else None
+        self.notice, self.synced = "", True
 
     def set_slide(self, place: float) -> bool:
         """Ask for the slide at `place` [m]; as `set_angle`."""
@@ -238,18 +262,12 @@ class Control:
                 joints, self._goal, min(self.speed, self.limits.angle_speed / PEAK), self.limits.table
             )  # followers keep up
             self._motion_until = now + float(path.times[-1]) + 2 * PERIOD
+            self._distance, self._progress_at = float("inf"), now
             if not self.limits.count:  # it has no slide
                 return Trajectory(path.joints[:-1], path.times, path.positions[:, :-1])
             return path
-        if self._motion_until is not None:
-            if now < self._motion_until:
-                return None
-            table = self.limits.table[:-1]
-            near = [ARRIVED if joint.unit == "rad" else ARRIVED * joint.span for joint in table]
-            if (np.abs(joints[:-1] - self._goal[:-1]) > near).any():
-                self.notice = f"The joints did not reach the {self.moving}."
-            self._end_motion()
-            self._follow_measured(now)
+        if self._motion_until is not None and not self._finish_motion(joints, now):
+            return None
         since, self._commanded = min(now - self._commanded, PERIOD), now
         if any(self._keys) and now < self._keys_until:
             signs = np.zeros(len(self.angles))
@@ -262,6 +280,28 @@ class Control:
             return Trajectory(self.limits.table[:-1], np.array([PERIOD]), self.angles[None].copy())
         goal = np.array([[*self.angles, self.slide]])
         return Trajectory(self.limits.table, np.array([PERIOD]), goal)
+
+    def _finish_motion(self, joints: FloatArray, now: float) -> bool:
+        """End a motion that has arrived, or has had its time and is stuck; return whether it has ended.
+
+        A motion takes longer by this clock where the simulation runs slowly, so the joints tell when it has arrived.
+        """
+        assert self._motion_until is not None
+        near = [ARRIVED if joint.unit == "rad" else ARRIVED * joint.span for joint in self.limits.table]
+        off = np.abs(joints - self._goal) / np.where(np.greater(near, 0.0), near, np.inf)
+        if off.sum() < self._distance - PROGRESS:
+            self._distance, self._progress_at = float(off.sum()), now
+        arrived = (off <= 1.0).all()
+        if now < self._motion_until or not (arrived or now - self._progress_at > STUCK):
+            return False
+        name, goal = self.moving, self._goal
+        self._end_motion()
+        if (off[:-1] <= 1.0).all():  # a driver does not tell the slide
+            self._ask_for(goal)
+        else:
+            self._follow_measured(now)
+            self.notice = f"The joints did not reach the {name}."
+        return True
 
     def _end_motion(self) -> None:
         self.moving, self._motion_until = "", None

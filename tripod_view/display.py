@@ -193,6 +193,22 @@ class Display:
         self._robot = Heard(status, time.monotonic())
         self._find_robot(names.count_servos(status.joint_names))
 
+    @property
+    def robot(self) -> words.RobotFields | None:
+        """The newest status of the driver, None while it is not heard."""
+        return self._robot.status if self._robot.fresh(time.monotonic()) else None
+
+    @property
+    def speed(self) -> float:
+        """The chosen speed, simulated over real time; 0: as fast as it can."""
+        speed = (self._figures.status or {}).get("speed", 1.0)
+        return float(speed) if isinstance(speed, int | float) else 0.0
+
+    @property
+    def start(self) -> FloatArray:
+        """Joint values at the start of the scene, shape (n + 1,) [rad, m, N, Pa]; empty where they are not known."""
+        return np.array(self._scene.picture.start)
+
     def _find_robot(self, servos: int) -> None:
         if servos and self._scene.find_robot(servos):
             self._drawn_joints = None
@@ -326,15 +342,15 @@ class Display:
             control.angles, measured, control.slide, self._torques if measured is not None else None,
             enabled=control.streaming,
         )  # fmt: skip
-        robot = self._robot.status if self._robot.fresh(now) else None
-        panel.show_run(words.run_table(self._sim.status, robot) if self._sim.fresh(now) else None)
+        run = words.run_table(self._sim.status, self.robot, self.speed) if self._sim.fresh(now) else None
+        panel.show_run(run)
         panel.show_figures(self._figures.status if self._figures.fresh(now) else None)
         panel.show_recording(self.recorder)
 
     def _status_lines(self, control: Control, rejects: Rejects, browsers: int, now: float) -> list[Line]:
         sim, ik, robot, body = self._sim, self._ik, self._robot, self.body
         skipped, refused = (body.skipped, body.reason), (rejects.total, rejects.last)
-        lines = [words.silence("Simulator", sim.age(now)) or words.sim_line(sim.status)]
+        lines = [words.silence("Simulator", sim.age(now)) or words.sim_line(sim.status, self.speed)]
         if self._scene.has_target:
             silent = words.ik_silence(ik.age(now), control.mode)
             lines.append(silent or words.ik_line(ik.status))

@@ -82,6 +82,11 @@ class Wish:
 
 
 @dataclass(frozen=True)
+class Reset(Wish):
+    """A wish that the simulation starts again."""
+
+
+@dataclass(frozen=True)
 class Pull(Wish):
     """A wish that a body is pulled: the newest of hand `who` counts."""
 
@@ -196,7 +201,7 @@ def _wish_of(table: Any) -> Wish | None:  # noqa: PLR0911 - one for each kind
     """Return the request to the simulator in a message; None: there is none. Raises EventError."""
     match table:
         case {"sim": str(word)} if word in WISHES:
-            return Wish(json.dumps({"do": word}))
+            return (Reset if word == "reset" else Wish)(json.dumps({"do": word}))
         case {"pull": {"who": who, "vertex": vertex, "from": [a, b, c], "to": [x, y, z], "stiffness": k}}:
             hand, hold, to = _count("who", who), _three("from", a, b, c), _three("to", x, y, z)
             pull = {"who": hand, "vertex": _count("vertex", vertex), "from": hold, "to": to}

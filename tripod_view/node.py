@@ -76,6 +76,7 @@ from tripod_view.server import HOST, PageServer
 from tripod_view.settings import PARAMETERS, checked_settings
 from tripod_view.stream import Stream
 from tripod_view.target import TargetError
+from tripod_view.words import is_real
 
 SOONEST = 0.015
 """Shortest time between two commands that follow hands [s]."""
@@ -107,6 +108,7 @@ class ViewNode(Node):
         self._patient = Patient()
         self._sim_joints_at, self._slide = float("-inf"), 0.0  # [m]: the driver does not know it
         self._target_asked = False
+        self._simulated = float("-inf"), float("-inf")  # time of the newest body state, and when it came [s]
         self._commanded_at = float("-inf")
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
 
@@ -280,6 +282,10 @@ class ViewNode(Node):
 
     def _on_body_state(self, message: BodyState) -> None:
         self._display.keep_state(lambda: state_of(message), message.time)
+        (before, at), now = self._simulated, time.monotonic()
+        if message.time < before and now - at <= STALE:  # reset by anyone; one that crashed was silent
+            self._restart()
+        self._simulated = message.time, now
 
     def _on_field(self, name: str, message: Field) -> None:
         if message.unit != (unit := self._fields.get(name)):
@@ -409,6 +415,8 @@ class ViewNode(Node):
                 self._control.hold_keys(signs, time.monotonic())
                 self._command_soon()
             case events.Wish(text):
+                if isinstance(event, events.Reset):
+                    self._restart()
                 self._wishes.publish(String(data=text))
             case events.Replayed(age, running):
                 self._display.replay.show(age, running, time.monotonic())
@@ -454,6 +462,23 @@ class ViewNode(Node):
         if not self._control.streaming:
             self._decide(Mode.TELEOP)
         self._control.go(name, goal, time.monotonic())
+
+    def _restart(self) -> None:
+        """Command the start of the scene, which the simulation is in or about to be in; a robot must not go there by
+        itself, so it stops.
+        """
+        if not self._control.in_control or self._control.mode not in (Mode.TELEOP, Mode.IK):
+            return
+        if is_real(self._display.robot):
+            self._decide(Mode.STOP)
+            self._control.notice = (
+                "The simulation was reset, so the robot was stopped. Take control to move both."
+            )
+            return
+        if self._control.mode is Mode.IK:
+            self._decide(Mode.TELEOP)
+        self._control.restart(self._display.start)
+        self._command_soon()
 
     def _fetch_target(self) -> None:
         effector = self._display.effector

@@ -76,6 +76,7 @@ class Picture:
         obstacles: Surfaces that never move.
         held: Points that never move, in the undeformed body [m], shape (n, 3).
         joints: Names of what is commanded but the slide.
+        start: Their values at the start, the slide last [rad, m, N, Pa]; empty where that is not known.
         cables: Through which points they run.
         servos: None where the scene has none.
         effector: Radius of the disc [m]; None for none.
@@ -96,6 +97,7 @@ class Picture:
     obstacles: tuple[Surface, ...] = ()
     held: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     joints: tuple[str, ...] = ()
+    start: tuple[float, ...] = ()
     cables: tuple[Route, ...] = ()
     servos: ServoPicture | None = None
     effector: float | None = None
@@ -151,6 +153,7 @@ def _picture(table: dict[str, Any]) -> Picture:
         obstacles=tuple(_surface(o) for o in _list(table["obstacles"])),
         held=_array(_list(table["held"])).reshape(-1, 3),
         joints=tuple(map(str, _list(table.get("joints", list(before))))),
+        start=tuple(map(_number, _list(table.get("start", [])))),
         cables=tuple(map(_cable, _list(table.get("cables", [])))),
         servos=servos,
         effector=_radius(effector) if effector else None,

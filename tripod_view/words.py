@@ -23,7 +23,7 @@ GRAVITY = 9.81
 """By which a load is a mass [m/s²]."""
 
 SLOW = 0.95
-"""Real-time factor below which the simulation counts as slow."""
+"""Share of the chosen speed below which the simulation counts as slow."""
 
 
 class Light(Enum):
@@ -88,13 +88,13 @@ def silence(who: str, age: float | None) -> Line | None:
     return Line(Light.BAD, who, f"silent for {age:.0f} s") if age > SILENT else None
 
 
-def sim_line(status: SimFields) -> Line:
-    """Return the line for a fresh status of the simulator."""
+def sim_line(status: SimFields, speed: float = 1.0) -> Line:
+    """Return the line for a fresh status of the simulator that was asked for so many times real time."""
     factor = status.real_time_factor
     steps = f"{factor:.2f} x, step {1e3 * status.step_time_median:.2f} of {1e3 * status.dt:.0f} ms"
-    slow = not factor >= SLOW
+    slow, chosen = not factor >= SLOW * speed, "real time" if speed == 1.0 else f"the chosen {speed:g} x"
     texts = {
-        0: (Light.WATCH, f"slower than real time: {steps}") if slow else (Light.GOOD, f"real time: {steps}"),
+        0: (Light.WATCH, f"slower than {chosen}: {steps}") if slow else (Light.GOOD, f"{chosen}: {steps}"),
         1: (Light.WATCH, "paused"),
         2: (Light.WATCH, "holds: no commands come in"),
         3: (Light.GOOD, "parked (in the park pose, or on the way): waits for commands"),
@@ -103,21 +103,33 @@ def sim_line(status: SimFields) -> Line:
     return Line(*_stated("Simulator", status.state, texts))
 
 
-def run_table(status: SimFields, robot: "RobotFields | None") -> dict[str, object]:
-    """Return how a simulation runs, as the page has it; `robot`: of the driver, None while it is not heard."""
+def run_table(status: SimFields, robot: "RobotFields | None", speed: float = 1.0) -> dict[str, object]:
+    """Return how a simulation runs, as the page has it.
+
+    Args:
+        status: Of the simulator.
+        robot: Of the driver, None while it is not heard.
+        speed: Chosen, simulated over real time; 0: as fast as it can.
+    """
     return {
         "scene": status.scene,
         "state": status.state,
         "message": status.message,
-        "time": round(status.time, 2),
+        "time": round(status.time, 6),
         "factor": round(status.real_time_factor, 3),
+        "speed": speed,
         "step": float(f"{status.step_time_median:.3g}"),
         "p99": float(f"{status.step_time_p99:.3g}"),
         "dt": status.dt,
         "time_error": _known(status.time_error),
         "effector_time_error": _known(status.effector_time_error),
-        "simulated": robot is None or robot.port in SIMULATED or robot.state == 0,
+        "simulated": not is_real(robot),
     }
+
+
+def is_real(robot: "RobotFields | None") -> bool:
+    """Return whether a robot is connected, by the status of the driver; None while that is not heard."""
+    return robot is not None and robot.port not in SIMULATED and robot.state != 0
 
 
 def _known(value: float) -> float | None:

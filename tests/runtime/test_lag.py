@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +182,7 @@ def test_a_load_near_the_limit_does_not_turn_the_advice_to_and_fro() -> None:
 def test_a_page_is_told_in_short_what_its_user_can_do(option: str) -> None:
     log = Log(lambda: Proposal("one cheaper setting " * 20, option))
     assert log.monitor.hint(IN_TIME) == ""
+    assert_names(log.monitor.hint(replace(BUSY, rate=0.8)), "0.62", "chosen 0.8 x")
     assert_names(log.monitor.hint(BUSY), "0.62", "close", "speed")
     log.look(SLOW)
     log.wait(1)

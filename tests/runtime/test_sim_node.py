@@ -249,6 +249,9 @@ def test_forces_chosen_while_paused_come_without_a_step(make) -> None:
     assert (told.step, graph.node._physics.latest.step) == (step, step)
     expected = np.concatenate([f.vectors for f in graph.node._physics.simulation.forces()])
     np.testing.assert_array_equal(np.reshape(told.vectors, (-1, 3)), expected)
+    late = graph.listen_to_all(names.FORCES)
+    graph.wait(lambda: late, "forces for who listens later")
+    assert late[0].step == step
 
 
 def test_it_begins_in_stop_and_ignores_commands(make) -> None:

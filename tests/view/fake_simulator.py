@@ -58,6 +58,7 @@ class FakeSimulator(Node):
         self.began = 0.0  # the steady time at which simulated time is 0 [s]
         self.speed = 1.0  # simulated over steady time
         self.figures: dict[str, Any] = {}
+        self.state = SimStatus.RUNNING
         self.scene = "fake"
         self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)
         self._maze = self.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
@@ -174,7 +175,8 @@ class FakeSimulator(Node):
             told = self.follower.limits.table[:-1]
             self._status.publish(
                 SimStatus(
-                    scene=self.scene, dt=0.002, real_time_factor=1.0, capacity=4.0, step_time_median=0.0005,
+                    scene=self.scene, state=self.state, dt=0.002, real_time_factor=1.0, capacity=4.0,
+                    step_time_median=0.0005,
                     joint_names=[j.name for j in told], units=[j.unit for j in told], lower=[j.low for j in told],
                     upper=[j.high for j in told], speed=[j.speed for j in told],
                 )

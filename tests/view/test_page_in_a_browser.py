@@ -30,7 +30,7 @@ from matplotlib.image import imread
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from tripod_msgs.msg import ControlMode, Field, Forces
+from tripod_msgs.msg import ControlMode, Field, Forces, SimStatus
 
 from tests import messages
 from tests.domains import own_domain
@@ -268,7 +268,12 @@ def assert_every_plot_is_drawn(opened: Opened) -> None:
 def press_everything(opened: Opened, stage: Stage, shown: dict[str, Any], asked: list[str]) -> None:
     """Press what every scene has, and see it arrive."""
     drop = ["Drop the ball"] if shown["ball"] else []
-    opened.press("Reset", "Pause", "Step", *drop, "Fit", "Mesh", "Mesh", "Replay")
+    opened.press("Reset", "Pause")
+    opened.wait("[...document.querySelectorAll('button')].find((b) => b.textContent === 'Step').disabled")
+    stage.sim.state = SimStatus.PAUSED
+    opened.press("Step")
+    stage.sim.state = SimStatus.RUNNING
+    opened.press(*drop, "Fit", "Mesh", "Mesh", "Replay")
     opened.move("#replay input", -0.1)
     opened.wait("document.body.classList.contains('past')")
     opened.press("Now")
@@ -618,13 +623,19 @@ def test_a_body_is_pulled_and_loaded(stage: Stage, browser: Any) -> None:
         stage.wait(lambda: {"let_go": first["who"]} in asked)
         assert place(opened, "x") == still, "the camera was not turned"
         page.keyboard.press("g")
-        opened.text("#load-at", "vertex", first["vertex"])
+        opened.text("#load-at", "node", first["vertex"])
+        opened.press("Place load")
+        opened.text("#load-at", "0 N", "force")
+        stage.wait(lambda: [a for a in asked if "load" in a])
+        asked.clear()
         page.locator("[aria-label='load along z (N)']").fill("-0.5")
         opened.press("Place load")
         loads = stage.wait(lambda: [a["load"] for a in asked if "load" in a])
         assert loads == [{"vertex": first["vertex"], "force": [0.0, 0.0, -0.5]}]
         page.locator("#speed").select_option("0.2")
         stage.wait(lambda: {"speed": 0.2} in asked)
+        stage.sim.figures = {**stage.sim.figures, "speed": 0.2}
+        opened.text("#run", "chosen", "0.2 x")
         count = len([a for a in asked if "pull" in a])
         page.mouse.move(x, y)
         page.mouse.down()
@@ -637,12 +648,12 @@ def test_a_body_is_pulled_and_loaded(stage: Stage, browser: Any) -> None:
 
 
 def on_body(opened: Opened, box: list[float]) -> tuple[float, float] | None:
-    """Return a place of the picture where a body can be picked; a click tells its vertex in the panel."""
+    """Return a place of the picture where a body can be picked; a click tells its node in the panel."""
     for share in (0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65):
         for height in (0.5, 0.45, 0.55, 0.4, 0.6):
             x, y = box[0] + share * (box[2] - box[0]), box[1] + height * (box[3] - box[1])
             opened.page.mouse.click(x, y)
-            if "vertex" in (opened.page.locator("#load-at").text_content() or "").replace("vertex that", ""):
+            if "node" in (opened.page.locator("#load-at").text_content() or ""):
                 return x, y
     return None
 
@@ -712,12 +723,12 @@ def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, bro
     with Opened(browser, stage, "screen") as opened:
         opened.text("#panel h1", "drape")
         opened.press("Just watch", "Top")
-        found = re.fullmatch(r"(.+), node (\d+) at \[(.+)\] m; moved .+m", pick(opened))
+        found = re.fullmatch(r"(.+), node (\d+) at (.+) mm; moved .+m", pick(opened))
         assert found
         node, part = int(found[2]), next(p for p in told("drape")[0]["parts"] if p["name"] == found[1])
         rest = told("drape")[2][part["first"] + node]
-        place = [float(v) for v in found[3].split(",")]
-        np.testing.assert_allclose(place[:2], rest[:2], atol=1e-4)  # it ripples along z
+        place = [1e-3 * float(v.split()[1]) for v in found[3].split(",")]
+        np.testing.assert_allclose(place[:2], rest[:2], atol=6e-4)  # it ripples along z
         opened.press("Set")
         lines = tomllib.loads(opened.page.locator("#set").text_content())["set"][0]
         np.testing.assert_allclose(lines["centre"], rest, atol=1e-5)
@@ -783,16 +794,21 @@ def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: St
         opened.wait("document.querySelectorAll('.plot').length === 2")
         opened.wait("document.querySelectorAll('#more option').length > 10")
         for key in ("servo torques: servo 1", "effector: z"):
-            page.locator("#more").select_option(label=key)
-        page.locator("#more").select_option(label="effector: x → effector: z")
+            page.locator("#more").select_option(f"new|{key}")
+        groups = page.locator("#more optgroup").evaluate_all("(all) => all.map((one) => one.label)")
+        assert {"joints", "effector", "energies", "timing", "errors"} <= set(groups)
+        page.locator("#more optgroup[label$='effector: z'] option").filter(has_text="effector: x").wait_for(
+            state="attached"
+        )
+        page.locator("#more").select_option("3|effector: x")
         opened.text(".plot:nth-child(4) .legend", "z", "x")
         opened.text(".plot:nth-child(3) .legend", "servo 1", "-0.02")
         page.locator("[aria-label='remove the plot: servo angles']").dispatch_event("click")
         opened.wait("document.querySelectorAll('.plot').length === 3")
         with page.expect_download() as download:
             page.locator("[aria-label='save the numbers: effector: z']").dispatch_event("click")
-        assert download.value.suggested_filename == "effector_ z.csv"
-        page.locator("#more").select_option(label="energies: total")
+        assert download.value.suggested_filename == "effector-z.csv"
+        page.locator("#more").select_option("new|energies: total")
         parts = [stage.sim.figures["energy"][part] for part in ("kinetic", "strain", "gravity")]
         opened.text(".plot:last-of-type .legend", "total", f"{1e3 * sum(parts):.4g}")
         before = time.monotonic()
@@ -855,6 +871,63 @@ def test_the_path_of_the_ball_is_drawn(stage: Stage, browser: Any) -> None:
     stage.sim.publish_game(False)
 
 
+def test_a_camera_that_follows_the_ball_waits_for_one_that_is_lost(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "maze")
+    stage.sim.publish_game(True, 0.004)
+    there = (0.0, 0.0, 0.04)
+    with Opened(browser, stage, "screen") as opened:
+        page = opened.page
+        opened.text("#panel h1", "maze")
+        opened.press("Just watch")
+        stage.wait(
+            lambda: stage.sim.publish_ball(*there) or page.locator("#follow option[value='/ball']").count()
+        )
+        page.locator("#follow").select_option("/ball")
+        page.wait_for_timeout(1000)
+        stage.sim.publish_ball(0.0, 0.0, -5.0)
+        page.wait_for_timeout(1000)
+        before, box = place(opened, "servo 0"), stage_box(opened)
+        assert box[0] < before[0] < box[2]
+        assert box[1] < before[1] < box[3]
+        opened.press("Front")
+        stage.wait(lambda: place(opened, "servo 0") != before)
+        front = place(opened, "servo 0")
+        opened.press("Reset view")
+        stage.wait(lambda: place(opened, "servo 0") != front)
+        page.locator("#picture").hover(position={"x": 200, "y": 500})
+        page.mouse.wheel(0, -480)  # to where the pointer is, away from the middle
+        page.wait_for_timeout(500)
+        stage.sim.publish_ball(*there)
+
+        def is_in_the_middle() -> bool:
+            box = page.locator("#picture").bounding_box()
+            page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            page.wait_for_timeout(200)
+            return page.locator("#picked").text_content().startswith("ball")
+
+        stage.wait(is_in_the_middle)
+        assert opened.errors == []
+    stage.sim.publish_game(False)
+
+
+def saved_words(opened: Opened) -> str:
+    """Save a picture; return what is written in it."""
+    opened.page.evaluate(
+        """() => {
+            window.written = " ";
+            const { prototype } = CanvasRenderingContext2D, write = prototype.fillText;
+            prototype.fillText = function (text, ...place) {
+                if (!this.canvas.isConnected) window.written += `${text} `;
+                write.call(this, text, ...place);
+            };
+        }"""
+    )
+    with opened.page.expect_download() as download:
+        opened.press("Save picture")
+    assert Path(download.value.path()).read_bytes()[:4] == b"\x89PNG"
+    return opened.page.evaluate("window.written")
+
+
 def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, browser: Any) -> None:
     show(stage.sim, "silicone")
     topic = names.field_topic("von_mises")
@@ -897,7 +970,21 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         opened.text("#arrows", "load", "2.5 N")
         assert re.search(r"mm = [\d.]+ N", page.locator("#arrows").inner_text())
         assert page.locator("#arrows input").is_checked()
+        written = saved_words(opened)
+        messages.assert_names(
+            written, "von Mises", "Pa", "100", "9 kPa", "load", "2.5 N", "silicone", "0.000 s"
+        )
+        assert " x " in written, "the labels over the picture"
         page.locator("#arrows input").uncheck()
+        assert "2.5 N" not in saved_words(opened)
+        opened.press("Forces")
+        stage.sim.state = SimStatus.PAUSED
+        opened.press("Forces")
+        opened.wait(
+            "getComputedStyle(document.querySelector('#arrows'), '::after').content.includes('next step')"
+        )
+        stage.sim.state = SimStatus.RUNNING
+        opened.wait("document.querySelector('#arrows').hidden")
         opened.press("Forces")
         page.locator("#colour").select_option("")
         stage.wait(lambda: stress.get_subscription_count() == forces.get_subscription_count() == 0)

@@ -24,7 +24,7 @@ from tripod_view.player.film import Colouring, Curve, Deforming, Event, Field, F
 from tripod_view.player.html import player_page, write_html
 from tripod_view.player.of_run import _rigid_names
 from tripod_view.player.packing import KINDS, edges, reel, stage
-from tripod_view.player.picture import Painter
+from tripod_view.player.picture import FINER, Painter
 from tripod_view.player.robot import robot_pieces
 from tripod_view.player.shapes import ball, box, disc
 
@@ -167,6 +167,7 @@ def test_a_painted_picture_has_the_colours_of_the_field_and_a_legend() -> None:
     plain = np.array(MAPS["plain"])
     np.testing.assert_array_equal(scale.colours(np.array([-1.0, 0, 2, 3])), plain[[0, 0, -1, -1]])
     np.testing.assert_array_equal(scale.colours(np.array([np.nan, np.inf])), [NONE, NONE])
+    assert [replace(scale, low=1e-11)._number(v) for v in (1e-11, 1.23456, 2.0)] == ["0", "1.23", "2"]
     legend = scale.legend()
     np.testing.assert_allclose(legend[25, 6], plain[0])
     np.testing.assert_allclose(legend[25, 6 + BAR[0] - 1], plain[-1])
@@ -183,6 +184,31 @@ def test_a_painted_picture_has_the_colours_of_the_field_and_a_legend() -> None:
     assert (np.ptp(grey.astype(int), axis=2) < 40).all()
     own = Painter(replace(sheet_only, colouring=None)).picture(0)
     assert (own[8 : 8 + rows, 8 : 8 + columns] < 253).mean() > 0.9
+
+
+def test_a_ring_marks_the_largest_value_and_stays_among_places_that_are_alike() -> None:
+    values = np.zeros((4, 36))
+    values[0, 14], values[1, [14, 27]], values[2, 27] = 1.0, (0.9995, 1.0), 1.0
+    for signed in (False, True):
+        made = replace(coloured(-values if signed else values, signed=signed), pieces=())
+        painter = Painter(made)
+
+        def ring(k: int, painter: Painter = painter) -> np.ndarray:
+            """Return the middle of what is black below the legend [px], column and row."""
+            black = (painter.picture(k)[70:].astype(int) < 25).all(axis=2)
+            rows, columns = black.nonzero()
+            assert 20 < len(rows) < 200
+            return np.array([columns.mean(), rows.mean() + 70])
+
+        nodes = made.bodies[0].positions
+        places = [
+            painter._seen(nodes[k, [n]], painter._centre(k))[0, :2] / FINER
+            for k, n in ((0, 14), (1, 14), (2, 27))
+        ]
+        for k, place in enumerate(places):
+            assert ring(k) == pytest.approx(place, abs=1.0)
+    none = Painter(replace(coloured(np.full((1, 36), np.nan)), pieces=())).picture(0)[70:]
+    assert not (none.astype(int) < 25).all(axis=2).any()
 
 
 def test_edges_are_each_there_once() -> None:

@@ -19,6 +19,7 @@ from playwright.sync_api import sync_playwright
 
 from tests import messages
 from tests.view.test_player import EVENT, coloured
+from tripod_view.player.colour_maps import MAPS
 from tripod_view.player.film import Arrows, Curve, Film
 from tripod_view.player.html import write_html
 from tripod_view.player.packing import stage
@@ -344,15 +345,15 @@ def test_a_click_on_a_body_tells_the_node_and_plots_it(player: Player) -> None:
     page.locator("#picture").click(position=middle)
     player.wait("document.querySelector('#picked').textContent")
     told = page.locator("#picked").inner_text()
-    found = re.fullmatch(r"sheet, node (\d+) at \[(.*)\] m; heat ([\d.]+) K", told)
+    found = re.fullmatch(r"sheet, node (\d+) at (.*) mm; heat ([\d.]+) K", told)
     assert found, told
-    node, values = int(found[1]), [float(v) for v in found[2].split(",")]
-    np.testing.assert_allclose(values, shown_film().bodies[0].positions[1, node], atol=1e-5)
+    node, values = int(found[1]), [1e-3 * float(v.split()[1]) for v in found[2].split(",")]
+    np.testing.assert_allclose(values, shown_film().bodies[0].positions[1, node], atol=6e-4)
     assert float(found[3]) == pytest.approx(2 * node, abs=0.3)
     page.locator("#plot-picked").click()
     assert player.plots() == ["height [mm]", f"sheet, node {node} [mm]"]
     name, content = player.download(page.locator("[aria-label^='save the numbers: sheet']").click)
-    assert name == f"sheet, node {node}.csv"
+    assert name == f"sheet-node-{node}.csv"
     head, *rows = content.decode().splitlines()
     assert next(csv.reader([head])) == ["time [s]", "x [mm]", "y [mm]", "z [mm]"]
     table = np.array([row.split(",") for row in rows], float)
@@ -390,7 +391,9 @@ def test_the_ball_is_clicked_and_plotted_with_its_contact_force(browser: Any, tm
     page.locator("#follow").select_option(label="follow ball")
     page.locator("#top").click()
     page.locator("#picture").click(position={"x": 0.5 * box["width"], "y": 0.5 * box["height"]})
-    player.wait("document.querySelector('#picked').textContent.startsWith('ball at [0.05, 0, 0.06]')")
+    player.wait(
+        r"/^ball at x 50[.0]*, y 0[.0]*, z 60[.0]* mm/.test(document.querySelector('#picked').textContent)"
+    )
     told = page.locator("#picked").inner_text()
     messages.assert_names(told, "speed 100 mm/s", "contact force 0.5 N")  # 0.1 m/s; 0.4 N and 0.3 N
     page.locator("#plot-picked").click()
@@ -400,6 +403,27 @@ def test_the_ball_is_clicked_and_plotted_with_its_contact_force(browser: Any, tm
         [100] * 4, rel=1e-3
     )
     page.close()
+    assert player.errors == []
+
+
+def test_nodes_that_nobody_sees_are_not_told_as_grey(browser: Any, tmp_path: Path) -> None:
+    made = shown_film()
+    body, *others = made.bodies
+    count, (field, *rest) = body.positions.shape[1], body.fields
+    values = np.concatenate([field.values, np.full((len(field.values), 2), np.nan)], axis=1)
+    values[:, 3] = np.nan
+    body = replace(
+        body,
+        positions=np.concatenate([body.positions, body.positions[:, :2]], axis=1),
+        fields=(replace(field, values=values), *(replace(f, values=values) for f in rest)),
+    )
+    path = tmp_path / "inner.html"
+    write_html(replace(made, bodies=(body, *others)), path)
+    player = Player(browser, path)
+    player.page.locator("#colour").select_option(field.name)
+    player.wait("document.querySelector('#legend-note').textContent")
+    messages.assert_names(player.page.locator("#legend-note").inner_text(), f"1 of {count}", "rigid")
+    player.page.close()
     assert player.errors == []
 
 
@@ -420,7 +444,7 @@ def test_plots_are_added_shared_removed_and_saved(player: Player) -> None:
     assert (name, content[:4]) == ("height.png", PNG)
     page.locator("#more").select_option(label="height: a")
     assert player.plots() == ["height [mm]", "height: a [mm]"]
-    page.locator("#more").select_option(label="height: b → height: a")
+    page.locator("#more").select_option("1|height: b")
     player.wait("document.querySelectorAll('.plot .legend')[1].querySelectorAll('b').length === 2")
     page.locator("[aria-label='remove the plot: height']").click()
     assert player.plots() == ["height: a [mm]"]
@@ -435,7 +459,10 @@ def test_a_picture_is_saved_and_the_plots_are_hidden_and_resized(player: Player)
     page.locator("#colour").select_option("heat")
     name, content = player.download(page.locator("#shot").click)
     assert name == "toy.png"
-    assert count(imread(BytesIO(content))[..., :3], (0x33, 0x33, 0x33)) > 30  # words
+    picture = imread(BytesIO(content))[..., :3]
+    assert count(picture, (0x33, 0x33, 0x33)) > 30  # words
+    corner = picture[int(0.8 * len(picture)) :, : len(picture) // 2]
+    assert all(count(corner, shade) > 2 for shade in (MAPS["plain"][0], MAPS["plain"][-1]))  # the legend
     wide = page.locator("#stage").bounding_box()["width"]
     page.locator("#panel").click()
     assert not page.locator("#panels").is_visible()

@@ -154,7 +154,7 @@ def test_a_motion_goes_out_once_then_the_sliders_hold_where_it_ended() -> None:
     assert c.angles == pytest.approx(WORKING_POSE[:3])  # the sliders show the motion
     hold = c.command(end)
     assert hold is not None
-    assert hold.positions == pytest.approx(np.array([WORKING_POSE[:3]]))
+    assert hold.positions == pytest.approx(np.array([WORKING_POSE]))
     assert (c.moving, c.notice) == ("", "")
 
 
@@ -163,12 +163,58 @@ def test_a_motion_that_did_not_arrive_is_reported_and_nothing_jumps() -> None:
     c.go("working pose", WORKING_POSE, 0.1)
     path = c.command(0.2)
     assert path is not None
-    end = 0.2 + path.times[-1] + 3 * PERIOD
-    c.measure(PARKED, end)  # the path was lost
-    hold = c.command(end)
+    for now in np.arange(0.3, 0.2 + path.times[-1], 0.5):
+        c.measure(PARKED, now)  # the path was lost
+        assert c.command(now) is None
+    c.measure(PARKED, now + 1.0)
+    hold = c.command(now + 1.0)
     assert hold is not None
     assert hold.positions == pytest.approx(np.zeros((1, 3)))
     assert_names(c.notice, "not reach", "working pose")
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.5, 0.1])
+def test_a_motion_arrives_however_slow_the_simulation_is(speed: float) -> None:
+    c, follower = in_teleop(PARKED), CommandFollower(CommandLimits())
+    assert c.go("working pose", WORKING_POSE, 0.1)
+    for k in range(1, 6000):
+        now = k * PERIOD
+        c.measure(follower.setpoint(speed * now), now)
+        if (path := c.command(now)) is not None:
+            follower.accept(path.names, path.times, path.positions, speed * now)
+        if now > 1.0 and not c.moving:
+            break
+    assert (c.moving, c.notice) == ("", "")
+    assert follower.end == pytest.approx(WORKING_POSE)
+
+
+def test_a_pause_on_the_way_is_no_end_of_a_motion() -> None:
+    c = in_teleop(PARKED)
+    c.go("working pose", WORKING_POSE, 0.2)
+    assert c.command(0.2) is not None
+    c.measure(BENT, 1.0)
+    assert c.command(1.0) is None
+    c.measure(BENT, 60.0)
+    assert c.command(60.0) is None
+    assert c.moving == "working pose"
+
+
+def test_after_a_restart_the_start_of_the_scene_is_commanded() -> None:
+    c = in_teleop(BENT)
+    c.set_angle(1, -1.0)
+    start = np.array([-0.1, -0.2, 9.0, 0.02])  # one is beyond the limits
+    c.restart(start[:3])
+    assert c.angles[1] == -1.0  # of other joints
+    c.restart(start)
+    c.measure(BENT, 0.3)  # on its way when the simulation restarted
+    told = c.command(0.3)
+    assert told is not None
+    assert told.names == (*SERVOS, SLIDE)
+    assert told.positions == pytest.approx(np.array([[-0.1, -0.2, 0.6, 0.02]]))
+    c.decide(Mode.STOP, 101.0, 0.4)
+    c.measure(BENT, 0.4)
+    c.restart(start)
+    assert c.angles == pytest.approx(BENT[:3])
 
 
 @pytest.mark.parametrize("end", ["slider", "stop", "others"])

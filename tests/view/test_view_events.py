@@ -20,6 +20,7 @@ from tripod_view.events import (
     Pressed,
     Pull,
     Replayed,
+    Reset,
     SlideMoved,
     SliderMoved,
     Wish,
@@ -97,7 +98,7 @@ def test_nothing_is_lost_between_threads() -> None:
         ('{"servo": 1, "degrees": -90}', SliderMoved(1, -math.pi / 2)),
         ('{"slide": 35}', SlideMoved(0.035)),
         ('{"keys": [0, 1, -1]}', KeysHeld((0, 1, -1))),
-        ('{"sim": "reset"}', Wish('{"do": "reset"}')),
+        ('{"sim": "reset"}', Reset('{"do": "reset"}')),
         ('{"effect": "sleep", "on": true}', Wish('{"effect": "sleep", "on": true}')),
         ('{"accuracy": "5%"}', Wish('{"accuracy": "5%"}')),
         (

@@ -17,6 +17,7 @@ pytest.importorskip("tripod_msgs")
 
 import rclpy
 from geometry_msgs.msg import Point, PoseStamped
+from sensor_msgs.msg import JointState
 from shape_msgs.msg import Mesh, MeshTriangle
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -314,6 +315,102 @@ def test_the_working_pose_is_a_slow_path_that_a_slider_ends(stage: Stage, browse
     browser.slide(0, -30.0)
     stage.wait(lambda: len(stage.sim.commands) > count)
     assert angles(stage.sim.commands[count])[0] == pytest.approx(np.radians(-30.0))
+
+
+def last(stage: Stage) -> list[float]:
+    """Return where the newest command ends [rad, m], empty before the first."""
+    return angles(stage.sim.commands[-1]) if stage.sim.commands else []
+
+
+@pytest.mark.parametrize("who", ["page", "others"])
+def test_a_reset_lets_the_sliders_ask_for_the_start_of_the_scene(
+    stage: Stage, browser: FakeBrowser, who: str
+) -> None:
+    show(stage.sim, "maze")
+    browser.wait(lambda: browser.value("scene")["name"] == "maze")
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    browser.slide(0, -30.0)
+    stage.wait(lambda: last(stage)[:1] == pytest.approx([np.radians(-30.0)]))
+    if who == "page":
+        browser.tell(sim="reset")
+    else:
+        stage.sim.began = time.monotonic()
+    stage.wait(lambda: last(stage) == pytest.approx(names.WORKING_POSE))
+    browser.wait(lambda: browser.shown(0) == pytest.approx(np.degrees(names.WORKING_POSE[0]), abs=0.1))
+    stage.sim.began = 0.0
+    browser.press("STOP")
+
+
+def test_a_reset_ends_the_following_of_the_target(stage: Stage, browser: FakeBrowser) -> None:
+    show(stage.sim, "maze")
+    browser.wait(lambda: browser.value("scene")["name"] == "maze")
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    browser.press("IK")
+    stage.wait(lambda: stage.mode() == (ControlMode.IK, "view"))
+    stage.sim.commands.clear()
+    browser.tell(sim="reset")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    stage.wait(lambda: stage.sim.commands)
+    assert angles(stage.sim.commands[0]) == pytest.approx(names.WORKING_POSE)
+    browser.press("STOP")
+
+
+def test_a_simulator_that_comes_back_after_silence_resets_nothing(stage: Stage, browser: FakeBrowser) -> None:
+    show(stage.sim, "maze")
+    browser.wait(lambda: browser.value("scene")["name"] == "maze")
+    stage.sim.jump_to(-0.5, -0.5, -0.5, 0.0)
+    browser.wait(lambda: browser.shown(0) == pytest.approx(np.degrees(-0.5), abs=0.1))
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    stage.wait(lambda: stage.sim.commands and angles(stage.sim.commands[-1]) == pytest.approx([-0.5] * 3))
+    stage.sim.silent = True
+    stage.wait(lambda: not browser.value("run"))
+    count = len(stage.sim.commands)
+    stage.sim.publish_joints(np.array([-0.5, -0.5, -0.5, 0.0]))
+    stage.wait(lambda: len(stage.sim.commands) > count)
+    stage.sim.began, stage.sim.silent = time.monotonic(), False
+    pictures = browser.pictures()
+    browser.wait(lambda: browser.pictures() > pictures + 20)
+    assert angles(stage.sim.commands[-1]) == pytest.approx([-0.5] * 3)
+    stage.sim.began = 0.0
+    browser.press("STOP")
+
+
+def test_a_reset_stops_a_real_robot(stage: Stage, browser: FakeBrowser) -> None:
+    show(stage.sim, "maze")
+    robot = stage.sim.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    timer = stage.sim.create_timer(
+        0.1, lambda: robot.publish(RobotStatus(port="/dev/ttyUSB0", state=RobotStatus.ACTIVE))
+    )
+    browser.wait(lambda: browser.value("run") and not browser.value("run")["simulated"])
+    browser.press("TELEOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    browser.slide(0, -30.0)
+    stage.wait(lambda: last(stage)[:1] == pytest.approx([np.radians(-30.0)]))
+    browser.tell(sim="reset")
+    stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
+    browser.wait(lambda: lines_naming(browser.text(), "robot", "stopped", "control"))
+    assert angles(stage.sim.commands[-1])[0] == pytest.approx(np.radians(-30.0))
+    timer.cancel()
+    stage.destroy(robot)
+    browser.wait(lambda: browser.value("run") and browser.value("run")["simulated"])
+
+
+def test_a_driver_without_the_slide_leaves_it_where_the_simulator_said_last(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    stage.sim.jump_to(-0.25, -0.25, -0.25, 0.02)
+    browser.wait(lambda: browser.value("joints") and browser.value("joints")["slide"] == 20.0)
+    stage.sim.silent = True  # as while it is paused
+    robot = stage.sim.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
+    state = JointState(name=list(names.SERVOS), position=[-0.5] * 3)
+    timer = stage.sim.create_timer(0.1, lambda: robot.publish(state))
+    browser.wait(lambda: browser.shown(0) == pytest.approx(np.degrees(-0.5), abs=0.1))
+    assert browser.value("joints")["slide"] == 20.0
+    timer.cancel()
+    stage.destroy(robot)
 
 
 def test_stop_is_published_at_once(stage: Stage, browser: FakeBrowser) -> None:

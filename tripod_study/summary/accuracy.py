@@ -41,7 +41,6 @@ class Offer:
             seen.
         bound: Relative error that is promised for other motions or poses; None likewise.
         seconds: Of this machine for a simulated second, or a solve [s]; None where this machine's speed is not known.
-        step: Of this machine for a step [s]; None likewise, and of solves.
         why_not: Why there is none, in one sentence; empty where there is.
     """
 
@@ -50,7 +49,6 @@ class Offer:
     measured: float | None = None
     bound: float | None = None
     seconds: float | None = None
-    step: float | None = None
     why_not: str = ""
 
 
@@ -148,10 +146,8 @@ def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None, *, 
     except SceneError as error:
         return Offer(wish, why_not=str(error).partition(": ")[2])
     seconds = point.cpu * scale if scale else None
-    dt = point.settings.get("dt", scene.dt)
-    step = seconds * dt if seconds and isinstance(dt, float) and not study.solves else None
     here, bound = (measured(study, point), promised(study, point)) if seen else (None, None)
-    return Offer(wish, settings_text(point), here, bound, seconds, step)
+    return Offer(wish, settings_text(point), here, bound, seconds)
 
 
 def as_table(figures: AccuracyFigures) -> dict[str, Any]:

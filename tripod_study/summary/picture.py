@@ -21,9 +21,9 @@ def picture(simulation: Simulation) -> dict[str, Any]:
     """Return what a page needs to draw a scene, as JSON has it: lengths in m, angles in rad.
 
     Keys: name, description, dt, parts (name, kind, first, count: nodes of the skin, in order), obstacles (vertices,
-    triangles, flat), held (points that never move), joints (names of all that is commanded but the slide), cables
-    (name, nodes, weights, fixed, see `Embedding`), servos, effector, maze, ball (None where the scene has none), fields
-    (name, unit, signed, see `NodalField`), note.
+    triangles, flat), held (points that never move), joints (names of all that is commanded but the slide), start
+    (their commands at the start, the slide last), cables (name, nodes, weights, fixed, see `Embedding`), servos,
+    effector, maze, ball (None where the scene has none), fields (name, unit, signed, see `NodalField`), note.
     """
     scene = simulation.scene
     (obstacles, note), effector = _obstacles(simulation), effector_of(scene)
@@ -37,6 +37,7 @@ def picture(simulation: Simulation) -> dict[str, Any]:
         "obstacles": obstacles,
         "held": _held(simulation),
         "joints": [a.name for a in simulation.joints.actuators] if simulation.joints else [],
+        "start": simulation.joints.start.tolist() if simulation.joints else [],
         "cables": cables,
         "servos": _servos(simulation),
         "effector": {"radius": effector.radius, "height": _height(effector)} if effector else None,

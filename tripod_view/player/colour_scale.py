@@ -15,6 +15,9 @@ NONE = (176.0, 176.0, 176.0)
 BAR = (192, 10)
 """Columns and rows of the bar in a legend."""
 
+ROUNDING = 1e-9
+"""Of a limit over the range, the player's."""
+
 PAPER, INK = 255, 40
 
 
@@ -51,8 +54,9 @@ class ColourScale:
         return found
 
     def _number(self, value: float) -> str:
-        """Return a limit with three digits, as the player writes it."""
-        return np.format_float_positional(float(f"{self.factor * value:.3g}"), trim="-")
+        """Return a limit with three digits, as the player writes it; rounding beside the range is 0."""
+        shown = self.factor * value if abs(value) > ROUNDING * (self.high - self.low) else 0.0
+        return np.format_float_positional(float(f"{shown:.3g}"), trim="-")
 
     def legend(self) -> NDArray[np.uint8]:
         """Return a picture of the bar with name, unit and limits, shape (rows, columns, 3)."""

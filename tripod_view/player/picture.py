@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_view.player.camera import Camera, camera
 from tripod_view.player.colour_scale import scale_of
-from tripod_view.player.film import Deforming, Film, Rgb
+from tripod_view.player.film import Deforming, Field, Film, Rgb
 from tripod_view.player.packing import longest
 from tripod_view.player.picture_kernels import draw_lines, fill_triangles
 from tripod_view.player.shapes import Shape, disc
@@ -31,6 +31,12 @@ ARROW, THICK = 0.4, 0.012
 HEAD, WIDE, FACES = 5.0, 2.2, 10
 """Length and width of the head of an arrow over its thickness, and faces of it."""
 
+MARK = ((4.0, 9.0, 255.0), (5.5, 7.5, 17.0))
+"""Rings about the largest value: radii [points] and brightness, as in `view.js`."""
+
+SAME = 1e-3
+"""Values that differ by less than that part are one: the mark does not jump between places that are alike."""
+
 LINES = (30.0, 40.0, 50.0)
 """Colour of lines on bodies."""
 
@@ -52,6 +58,7 @@ class Painter:
         share = np.linspace(0, 1, rows)[:, None, None]
         self._scale = scale_of(film)
         self._legend = self._scale.legend() if self._scale else None
+        self._largest: tuple[int, int] | None = None
         self._sky = np.broadcast_to((1 - share) * SKY + share * GROUND_HAZE, (rows, columns, 3)).copy()
 
     def picture(self, k: int) -> NDArray[np.uint8]:
@@ -82,6 +89,7 @@ class Painter:
         for vertices, triangles, colour in self._arrows(k):
             shades = self._light(vertices, triangles, centre)[:, None, None] * np.array(colour, float)
             fill_triangles(self._seen(vertices, centre), triangles, shades, image, in_front)
+        self._mark(k, centre, image)
         smaller = image.reshape(self.size[1], FINER, self.size[0], FINER, 3).mean(axis=(1, 3))
         picture = np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
         if self._legend is not None:
@@ -114,10 +122,45 @@ class Painter:
 
     def _colours(self, body: Deforming, k: int) -> FloatArray:
         """Return the colour of a body, shape (1, 1, 3), or of the corners of its triangles, shape (m, 3, 3)."""
-        field = next((f for f in body.fields if self._scale and f.name == self._scale.name), None)
+        field = self._field(body)
         if not (self._scale and field):
             return np.array(body.colour, float)[None, None]
         return self._scale.colours(field.values[k])[body.triangles]
+
+    def _mark(self, k: int, centre: FloatArray, image: FloatArray) -> None:
+        """Draw a ring about the largest value of the surfaces, of signed values the one farthest from 0."""
+        sizes = dict[tuple[int, int], float]()
+        for b, body in enumerate(self._film.bodies):
+            if (field := self._field(body)) is None:
+                continue
+            values = np.abs(field.values[k]) if field.signed else field.values[k]
+            corners = np.unique(body.triangles)
+            corners = corners[np.isfinite(values[corners])]
+            if len(corners):
+                node = int(corners[values[corners].argmax()])
+                sizes[b, node] = float(values[node])
+            if self._largest and self._largest[0] == b:
+                sizes[self._largest] = float(values[self._largest[1]])
+        if not sizes:
+            return
+        best = max(sizes, key=lambda place: np.nan_to_num(sizes[place], nan=-np.inf))
+        if not (self._largest and sizes.get(self._largest, -np.inf) >= (1 - SAME) * sizes[best]):
+            self._largest = best
+        b, node = self._largest
+        column, row, near = self._seen(self._film.bodies[b].positions[k][node : node + 1], centre)[0]
+        if near <= 0:
+            return
+        reach = math.ceil(FINER * MARK[0][1])
+        left, top = max(0, int(column) - reach), max(0, int(row) - reach)
+        part = image[top : max(0, int(row) + reach + 2), left : max(0, int(column) + reach + 2)]
+        rows, columns = np.ogrid[top : top + part.shape[0], left : left + part.shape[1]]
+        far = np.hypot(columns - column, rows - row) / FINER
+        for inner, outer, brightness in MARK:
+            part[(far >= inner) & (far <= outer)] = brightness
+
+    def _field(self, body: Deforming) -> Field | None:
+        """Return the field that colours a body, None where it has none."""
+        return next((f for f in body.fields if self._scale and f.name == self._scale.name), None)
 
     def _arrows(self, k: int) -> list[tuple[FloatArray, IndexArray, Rgb]]:
         """Return vertices in the world, triangles and colour of the arrows of each group in picture k."""

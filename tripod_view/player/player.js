@@ -91,7 +91,7 @@ async function main() {
   const cameras = all(cameraActions(view)), more = all({
     lines: () => { showLines = !showLines; view.showLines(showLines); pressed("lines", showLines); },
     path: () => { showPath = !showPath; pressed("path", showPath); },
-    shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`, ...colours.lines])),
+    shot: async () => save(`${stage.title}.png`, await view.screenshot(BACKGROUND, [`${stage.title}, ${time.toFixed(2)} s`], colours.key, boxes.lines)),
     panel: () => { byId("panels").hidden = !byId("panels").hidden; pressed("panel", !byId("panels").hidden); },
     help: () => toggleSheet(true),
   });
@@ -190,14 +190,14 @@ async function main() {
     if (!picked.length) return;
     const p = picked[0] - stage.bodies.length;
     if (p >= 0) {
-      const pose = film.pose(p, moment), { name } = stage.pieces[p], at = pose?.slice(0, 3).map((v) => Number(v.toPrecision(5)));
-      byId("picked").textContent = pose ? `${name} at [${at.join(", ")}] m; speed ${shown2(1e3 * speed(p, moment[0]))} mm/s${contactWords(name, moment[0])}` : `${name}: not there`;
+      const pose = film.pose(p, moment), { name } = stage.pieces[p], at = pose && placed(pose, stage.camera.radius);
+      byId("picked").textContent = pose ? `${name} at ${at}; speed ${shown2(1e3 * speed(p, moment[0]))} mm/s${contactWords(name, moment[0])}` : `${name}: not there`;
       return;
     }
     const [b, node] = picked, place = new Float64Array(3 * stage.bodies[b].nodes);
     film.nodes(b, moment, [0, 0, 0], place);
-    const at = [0, 1, 2].map((a) => Number(place[3 * node + a].toPrecision(5))), value = colours.at(b, node);
-    byId("picked").textContent = `${stage.bodies[b].name}, node ${node} at [${at.join(", ")}] m${value ? `; ${value}` : ""}${contactWords(stage.bodies[b].name, moment[0])}`;
+    const at = placed(place.slice(3 * node), stage.camera.radius), value = colours.at(b, node);
+    byId("picked").textContent = `${stage.bodies[b].name}, node ${node} at ${at}${value ? `; ${value}` : ""}${contactWords(stage.bodies[b].name, moment[0])}`;
   }
 
   onPick(view, (hit) => {

@@ -1,7 +1,7 @@
 // The three promises: what accuracy costs, what effects cost, how stable the run is.
 
 import { listen, send, value } from "./channel.js";
-import { button, element, milli, percent, place, section, setText } from "./dom.js";
+import { button, element, percent, place, section, setText } from "./dom.js";
 import { front } from "./front.js";
 
 export function cards() {
@@ -19,7 +19,7 @@ function accuracy() {
     const run = value("run");
     if (!figures) return;
     const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
-    const cost = seconds ? `; now ${milli(run.step)} a step (steps alone: ${Number((1 / seconds).toPrecision(2))} x real time)` : "";
+    const cost = seconds ? `; its steps could run at ${Number((1 / seconds).toPrecision(2))} x real time` : "";
     const known = figures.measured !== null && figures.measured !== undefined;
     const error = known ? `about ${percent(figures.measured)} (measured in the accuracy study)` : figures.line;
     setText(here, `You are here: error ${error}${cost}`);
@@ -46,7 +46,7 @@ function accuracy() {
 }
 
 function head() {
-  return row(["", "error about", "a step", "x real time"], "th");
+  return row(["", "error about", "x real time"], "th");
 }
 
 // What is promised for other motions, shown on request.
@@ -55,13 +55,18 @@ function bound(figures) {
 }
 
 function offered(offer, figures) {
-  const choose = button(offer.wish.replace("%", " %"), () => send({ accuracy: offer.wish }), offer.why_not || `Start again with ${offer.settings}${offer.bound === null ? "" : `; error ${bound(offer)}`}`);
+  const name = offer.wish.endsWith("%") ? `below ${offer.wish.replace("%", " %")}` : offer.wish.replace("-", " ");
+  const choose = button(name, () => send({ accuracy: offer.wish }), offer.why_not || `Start again with ${offer.settings}${offer.bound === null ? "" : `; error ${bound(offer)}`}`);
   choose.disabled = Boolean(offer.why_not);
-  if (offer.why_not) return row([choose, "none", "", ""]);
+  if (offer.why_not) {
+    const made = row([choose, offer.why_not.split(";")[0]]);
+    made.cells[1].colSpan = 2;
+    return made;
+  }
   const here = offer.settings && offer.settings === figures.settings;
   const times = offer.seconds && !figures.solves ? Number((1 / offer.seconds).toPrecision(2)) : "not known";
   const error = offer.measured === null ? "not known" : percent(offer.measured);
-  return row([choose, here ? `${error} (as now)` : error, offer.step ? milli(offer.step) : "not known", String(times)]);
+  return row([choose, here ? `${error} (as now)` : error, String(times)]);
 }
 
 function row(cells, tag = "td") {

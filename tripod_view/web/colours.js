@@ -88,9 +88,9 @@ class Colours {
   // Colours bodies, each [body of the view, a number for each node, its part], and draws the legend.
   paint(parts) {
     let low = Infinity, high = -Infinity, missing = 0, all = 0;
-    for (const [, values] of parts) {
-      all += values.length;
-      for (const v of values) { if (v < low) low = v; if (v > high) high = v; if (v !== v) missing++; }
+    for (const [body, values] of parts) {
+      for (const v of values) { if (v < low) low = v; if (v > high) high = v; }
+      for (const node of surface(body)) { all++; if (Number.isNaN(values[node])) missing++; }
     }
     const field = this.fields.get(this.chosen);
     const whole = ([a, b]) => (!(a <= b) ? [0, 0] : field.signed ? [-Math.max(-a, b), Math.max(-a, b)] : [a, b]);
@@ -99,7 +99,7 @@ class Colours {
     for (const [body, values] of parts) this.view.paint(body, values, from, to, map);
     this.legend(from, to, map);
     this.find(parts);
-    this.note(missing ? `grey: ${missing} of ${all} nodes have no value` : "");
+    this.note(missing ? `grey: ${missing} of ${all} nodes have no value, as in rigid parts` : "");
   }
 
   get limits() { return Array.isArray(this.range) ? this.range : this.now; }
@@ -114,8 +114,9 @@ class Colours {
   note(text) { if (byId("legend-note").textContent !== text) byId("legend-note").textContent = text; }
 
   legend(low, high, map) {
-    const [factor, unit] = this.scale;
-    byId("legend-title").textContent = unit ? `${this.label} [${unit}]` : this.label;
+    const [factor] = this.scale;
+    this.map = map;
+    byId("legend-title").textContent = this.title;
     [byId("legend-low"), byId("legend-high")].forEach((input, i) => {
       const end = [low, high][i], noise = 1e-9 * (high - low);
       if (document.activeElement !== input) input.value = shown(Math.abs(end) > noise ? factor * end : 0);
@@ -139,12 +140,13 @@ class Colours {
 
   get summit() { return `largest ${amount(this.largest.value, this.unit)}`; }
 
-  // The legend in words, for a picture.
-  get lines() {
-    if (!this.chosen) return [];
-    const [low, high] = this.limits, [factor, unit] = this.scale;
-    const summit = this.largest ? `; ${this.summit}` : "";
-    return [`${this.label}: ${shown(factor * low)} to ${shown(factor * high)} ${unit}${summit}`];
+  get title() { return this.scale[1] ? `${this.label} [${this.scale[1]}]` : this.label; }
+
+  // The legend for a picture: its title, the values at its ends, and the map between them; null: there is none.
+  get key() {
+    if (!this.chosen || !this.map) return null;
+    const [low, high] = this.limits.map((end) => shown(this.scale[0] * end)), { map } = this;
+    return { title: this.largest ? `${this.title}, ${this.summit}` : this.title, low, high, map };
   }
 }
 
@@ -152,8 +154,8 @@ class Colours {
 class ForceBoxes {
   constructor(box, on, view, changed) { Object.assign(this, { box, on, view, changed, labels: new Map(), count: 0 }); }
 
-  // Offers these groups {name, unit, colour, longest}, and no others.
-  offer(groups) {
+  // Offers these groups {name, unit, colour, longest}, and no others; `note`: what there is to say beside them.
+  offer(groups, note = "") {
     const part = 10 ** Math.floor(Math.log10(SCALE_SHARE * this.view.stage.camera.radius)); // [m]
     for (const [name, label] of this.labels) {
       if (groups.some((group) => group.name === name)) continue;
@@ -166,7 +168,8 @@ class ForceBoxes {
       this.labels.get(group.name).lastChild.data = ` ${group.name}${drawn}, up to ${shown2(group.longest)} ${group.unit}`;
     }
     for (const group of groups) this.labels.get(group.name).hidden = !group.longest; // it has not acted yet
-    this.box.hidden = !groups.length;
+    this.box.dataset.note = note;
+    this.box.hidden = !groups.length && !note;
   }
 
   add({ name, colour }) {
@@ -178,6 +181,12 @@ class ForceBoxes {
     label.append(tick, mark, document.createTextNode(""));
     this.box.append(label);
     this.labels.set(name, label);
+  }
+
+  // What the boxes say of the groups that are drawn, each {text, colour}, for a picture.
+  get lines() {
+    const drawn = [...this.labels.values()].filter((label) => !this.box.hidden && !label.hidden && label.firstChild.checked);
+    return drawn.map((label) => ({ text: label.lastChild.data.trim(), colour: label.querySelector("b").style.color }));
   }
 
   has(name) { return Boolean(this.labels.get(name)?.firstChild.checked); }

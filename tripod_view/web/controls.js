@@ -4,6 +4,7 @@ import { listen, send, value } from "./channel.js";
 import { button, element, place, section, setText, showLines } from "./dom.js";
 
 const STEP = 0.5; // of the sliders [degrees]
+const FIRST = "Press Drive by sliders and keys first"; // why a slider does not move
 
 export function controls() {
   return place(element("div"), [simulation(), joints(), target()]);
@@ -15,19 +16,24 @@ function simulation() {
   const record = button("Record", () => send({ press: value("recording")?.on ? "stop recording" : "record" }));
   record.id = "record";
   const told = element("p", { class: "small", id: "recording" });
+  const step = button("Step", () => send({ sim: "step" }));
   const row = place(element("div", { class: "row" }), [
-    button("Reset", () => send({ sim: "reset" }), "Back to the start"),
+    button("Reset", () => send({ sim: "reset" }), "Start again: bodies, ball and joints as at first; a real robot stops"),
     pause,
-    button("Step", () => send({ sim: "step" }), "One step, while paused"),
+    step,
     withClass("ball", button("Drop the ball", () => send({ sim: "drop" }), "The ball again to where it starts")),
     record,
   ]);
-  listen("run", (run) => setText(pause, run?.state === 1 ? "Run" : "Pause"));
+  listen("run", (run) => {
+    setText(pause, run?.state === 1 ? "Run" : "Pause");
+    step.disabled = run?.state !== 1;
+    step.title = step.disabled ? "One step: press Pause first" : "One step";
+  });
   listen("recording", ({ possible, on, text }) => {
     record.disabled = !possible;
-    record.title = possible ? "Record all topics" : "no recorder runs: tripod up --record";
+    record.title = possible ? "Record all topics" : "";
     setText(record, on ? "Stop recording" : "Record");
-    setText(told, text);
+    setText(told, text || (possible ? "" : "To record, start with tripod up --record DIR."));
   });
   return section("simulation", "Simulation", [row, told]);
 }
@@ -117,6 +123,7 @@ function joint(i) {
   const show = (joints) => {
     if (i >= joints.asked.length) return;
     slider.disabled = number.disabled = !joints.enabled;
+    slider.title = joints.enabled ? "" : FIRST;
     if (!isHeld()) slider.value = joints.asked[i];
     if (document.activeElement !== number) number.value = joints.asked[i].toFixed(kind().digits);
     const stall = kind().servo ? value("scene")?.stall_torque : null;

@@ -53,6 +53,11 @@ export function milli(seconds) {
   return `${(1e3 * seconds).toPrecision(3)} ms`;
 }
 
+// Decimals that tell steps of so many seconds apart.
+export function decimals(dt) {
+  return Math.min(6, Math.max(1, Math.ceil(-Math.log10(dt) - 1e-9)));
+}
+
 export function percent(share) {
   return `${Number((100 * share).toPrecision(2))} %`;
 }

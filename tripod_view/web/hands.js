@@ -24,14 +24,17 @@ export function hands(view) {
   let chosen = null;
   on?.picked((found) => {
     chosen = found;
-    setText(at, `At vertex ${found.vertex} of ${found.body}.`);
+    setText(at, `At ${found.body}, node ${found.node}.`);
     load.disabled = false;
+    load.title = "";
   });
   const load = button("Place load", () => {
     const vector = force.map((one) => Number(one.value) || 0);
     send({ load: { vertex: chosen.vertex, force: vector } });
     on.load(chosen, vector);
-  }, "At the vertex that was clicked");
+    const zero = vector.some(Boolean) ? "" : " A load of 0 N is none: type a force.";
+    setText(at, `At ${chosen.body}, node ${chosen.node}.${zero}`);
+  }, "Click on the body first");
   const unload = button("Remove loads", () => send({ sim: "unload" }));
   load.id = "load";
   load.disabled = unload.disabled = true;
@@ -40,6 +43,7 @@ export function hands(view) {
     if (document.activeElement !== speed && figures?.speed) speed.value = figures.speed;
     setText(told, figures?.hands ? `Acts now: ${figures.hands}` : "");
     unload.disabled = !figures?.hands?.includes("load");
+    unload.title = unload.disabled ? "No load acts" : "";
     setText(byId("hand-told"), figures?.hands ?? "");
     if (unload.disabled) on?.load(null);
   });

@@ -13,21 +13,21 @@ export function tellPicked(view, plotNode) {
   const told = byId("picked"), plot = byId("plot-picked"), copy = byId("set-picked"), text = byId("set");
 
   function tell() {
-    const place = hit && view.vertex(hit.part, hit.node);
+    const place = hit && view.vertex(hit.part, hit.node), { radius } = view.stage.camera;
     if (!place) { show(null); return; }
     if (view.isBall(hit.part)) {
       const { place: middle, speed, force } = view.ball(), mm = (1e3 * speed).toPrecision(2);
       const pressed = Number.isFinite(force) ? `; contact force ${Number(force.toPrecision(2))} N` : "; contact force: with Forces on";
-      told.textContent = `ball at [${short(middle)}] m${Number.isFinite(speed) ? `; speed ${Number(mm)} mm/s` : ""}${pressed}`;
+      told.textContent = `ball at ${placed(middle, radius)}${Number.isFinite(speed) ? `; speed ${Number(mm)} mm/s` : ""}${pressed}`;
       copy.hidden = true;
       return;
     }
     const rest = view.rest(hit.part, hit.node), moved = rest ? `; moved ${length(Math.hypot(...place.map((v, a) => v - rest[a])))}` : "";
     const fields = view.fieldsAt(hit.part, hit.node).map(([name, number]) => {
       const { label = name, unit = "" } = value("fields")?.find((field) => field.name === name) ?? {};
-      return `; ${label} ${Number.isFinite(number) ? `${Number(number.toPrecision(3))} ${unit}` : "has no value"}`;
+      return `; ${label} ${Number.isFinite(number) ? amount(number, unit) : "has no value"}`;
     });
-    told.textContent = `${hit.body}, node ${hit.node} at [${short(place)}] m${moved}${fields.join("")}`;
+    told.textContent = `${hit.body}, node ${hit.node} at ${placed(place, radius)}${moved}${fields.join("")}`;
     copy.hidden = !rest;
   }
 

@@ -146,9 +146,9 @@ class Plots {
     this.refresh();
   }
 
-  // Lets a quantity be plotted; returns its series. `at`: its value by the number of an entry.
-  offer(title, name, unit, at) {
-    const made = { name, unit, at };
+  // Lets a quantity be plotted; returns its series. `at`: its value by the number of an entry; `group`: of the list.
+  offer(title, name, unit, at, group = "all") {
+    const made = { name, unit, at, group, title };
     this.series.set(`${title}: ${name}`, made);
     return made;
   }
@@ -175,11 +175,18 @@ class Plots {
   refresh() {
     this.more.replaceChildren();
     option(this.more, "", "add a plot …");
-    for (const [key, s] of this.series) option(this.more, `new|${key}`, key);
+    const groups = new Map();
+    const add = (group, value, text) => {
+      if (!groups.has(group)) groups.set(group, Object.assign(document.createElement("optgroup"), { label: group }));
+      option(groups.get(group), value, text);
+    };
+    const whole = ({ title, name }) => (title.endsWith(name) ? title : `${title}: ${name}`);
+    for (const [key, s] of this.series) add(s.group, `new|${key}`, s.title === s.group ? s.name : whole(s));
     this.plots.forEach((plot, p) => {
       for (const [key, s] of this.series)
-        if (s.unit === plot.unit && !plot.series.includes(s)) option(this.more, `${p}|${key}`, `${key} → ${plot.title}`);
+        if (s.unit === plot.unit && !plot.series.includes(s)) add(`into the plot ${plot.title}`, `${p}|${key}`, whole(s));
     });
+    this.more.append(...groups.values());
     this.more.hidden = !this.series.size;
   }
 

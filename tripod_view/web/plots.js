@@ -12,7 +12,7 @@ const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", wor
 const PARTS = ["kinetic", "strain", "gravity"]; // of the total energy
 
 const jointKinds = () => (value("scene")?.joints ? value("kinds") ?? [] : []);
-const unitOf = (field) => value("fields")?.find(({ name }) => name === field)?.unit ?? "";
+const fieldOf = (field) => value("fields")?.find(({ name }) => name === field) ?? { label: field, unit: "" };
 
 // Length of the largest of some vectors, 3 numbers each; 0 without any.
 function largest(vectors) {
@@ -21,10 +21,11 @@ function largest(vectors) {
   return most;
 }
 
-// What can be plotted now, each [title, name, unit, value]; `view`: of the scene, or null.
+// What can be plotted now, each [title, name, unit, value, group of the list]; `view`: of the scene, or null.
 function quantities(view) {
   const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
-  const add = (title, name, unit, number, factor = 1) => found.push([title, name, unit, factor * (number ?? NaN)]);
+  let group = "joints";
+  const add = (title, name, unit, number, factor = 1) => found.push([title, name, unit, factor * (number ?? NaN), group]);
   jointKinds().forEach(({ name, unit, back, servo }, i) => {
     const title = servo ? "servo angles" : `actuators [${unit}]`;
     add(title, name, unit, joints?.angles?.[i]);
@@ -34,34 +35,45 @@ function quantities(view) {
   if (value("scene")?.slide_max) add("slide", "slide", "mm", joints?.slide);
   for (const [path, name] of Object.entries(PLACES)) {
     const place = view?.placeOf(path);
+    group = name;
     if (place) AXES.forEach((axis, a) => add(name, axis, "mm", place[a], 1e3));
   }
-  const energy = figures?.energy ?? {}, total = PARTS.reduce((sum, part) => sum + (energy[part] ?? NaN), 0);
-  add("energies", "total", "mJ", total, 1e3);
-  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", energy[key], 1e3);
-  add("real-time factor", "simulated / real time", "", run?.factor);
-  add("time of a step", "median", "ms", run?.step, 1e3);
-  add("time of a step", "p99", "ms", run?.p99, 1e3);
-  add("estimated errors", "time steps", "mm", run?.time_error, 1e3);
-  add("estimated errors", "time steps at the effector", "mm", run?.effector_time_error, 1e3);
-  add("contact", "pairs near each other", "", figures?.contacts);
-  add("contact", "pairs that press", "", figures?.pressed);
-  add("contact distances", "smallest gap", "mm", figures?.smallest_gap, 1e3);
-  add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
-  add("contact distances", "error", "mm", figures?.contact_error, 1e3);
-  for (const { name, unit, vectors, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest(vectors));
+  group = "ball";
   const ball = view?.ball();
   if (ball?.place) {
     add("ball, speed", "speed", "mm/s", ball.speed, 1e3);
     add("ball, contact force", "contact force", "N", ball.force);
   }
+  group = "energies";
+  const energy = figures?.energy ?? {}, total = PARTS.reduce((sum, part) => sum + (energy[part] ?? NaN), 0);
+  add("energies", "total", "mJ", total, 1e3);
+  for (const [key, name] of Object.entries(ENERGIES)) add("energies", name, "mJ", energy[key], 1e3);
+  group = "timing";
+  add("real-time factor", "simulated / real time", "", run?.factor);
+  add("time of a step", "median", "ms", run?.step, 1e3);
+  add("time of a step", "p99", "ms", run?.p99, 1e3);
+  group = "errors";
   add("residual", "residual", "N", figures?.residual);
   add("halvings", "steps halved", "", figures?.halvings);
   add("stability margin", "least", "", figures?.stability_margin?.[0]);
+  add("estimated errors", "time steps", "mm", run?.time_error, 1e3);
+  add("estimated errors", "time steps at the effector", "mm", run?.effector_time_error, 1e3);
+  group = "contact";
+  add("contact", "pairs near each other", "", figures?.contacts);
+  add("contact", "pairs that press", "", figures?.pressed);
+  add("contact distances", "smallest gap", "mm", figures?.smallest_gap, 1e3);
+  add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
+  add("contact distances", "error", "mm", figures?.contact_error, 1e3);
+  group = "forces";
+  for (const { name, unit, vectors, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest(vectors));
   for (const { name, part, node } of picked) {
     const title = `${name}, node ${node}`, place = view.vertex(part, node), rest = place && view.rest(part, node);
+    group = title;
     AXES.forEach((axis, a) => add(title, axis, "mm", place?.[a], 1e3));
-    for (const [field, number] of place ? view.fieldsAt(part, node) : []) add(`${title}, ${field}`, field, unitOf(field), number);
+    for (const [field, number] of place ? view.fieldsAt(part, node) : []) {
+      const { label, unit } = fieldOf(field);
+      add(`${title}, ${label}`, label, unit, number);
+    }
     if (rest) add(`${title}, moved`, "displacement", "mm", Math.hypot(...place.map((v, a) => v - rest[a])), 1e3);
   }
   return found;
@@ -97,11 +109,11 @@ class Minute {
   add(time, clock, found, made) {
     if (time < this.end) this.empty();
     if (this.length && time === this.end) return;
-    for (const [title, name, unit, number] of found) {
+    for (const [title, name, unit, number, group] of found) {
       const key = `${title}: ${name}`;
       if (this.columns.has(key) || !Number.isFinite(number)) continue;
       this.columns.set(key, this.column(name, unit));
-      made(title, name, unit, this.columns.get(key).at);
+      made(title, name, unit, this.columns.get(key).at, group);
     }
     const now = new Map(found.map(([title, name, , number]) => [`${title}: ${name}`, number]));
     this.times.push(time);

@@ -14,6 +14,7 @@ export function replay() {
     slider.min = -Math.max(length, 0.1);
     if (document.activeElement !== slider || running || age === null) slider.value = age === null ? 0 : -age;
     now.disabled = age === null;
+    now.title = age === null ? "This is the present" : "Back to the present";
     document.body.classList.toggle("past", age !== null);
     setText(text, age === null ? "now" : `${age.toFixed(1)} s ago`);
   });

@@ -1,12 +1,14 @@
 // The 3-D scene: nodes by number as `drawing.py` describes them, from a websocket of its own.
 
 import { listen, value } from "./channel.js";
+import { decimals } from "./dom.js";
 
 const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
 const WAY = 2000; // places of a path that are kept
 const BALL = "/ball", TRAIL = 0.3, REST = 1e-6; // its node; time over which its speed is a mean [s]; speed that is none [m/s]
+const FAR = 2; // radii of the scene, beyond which nothing is followed: a ball that is lost falls for ever
 const FOLLOWED = { "/ball": "ball", "/effector": "effector" };
 
 const colour = (rgb) => new THREE.Color(...rgb.map((c) => c / 255));
@@ -285,7 +287,7 @@ class LiveView extends View {
   }
 
   home() {
-    if (!this.follows) this.origin = [...this.stage.camera.centre];
+    if (!this.follows || this.gone) this.origin = [...this.stage.camera.centre];
     super.home();
   }
 
@@ -297,6 +299,14 @@ class LiveView extends View {
     this.camera.position.sub(this.controls.target);
     this.controls.target.set(0, 0, 0);
     this.touched = true;
+  }
+
+  // Goes along to a place; while that is far from the scene, to the middle of the scene.
+  accompany(place) {
+    const { centre, radius } = this.stage.camera, gone = Math.hypot(...place.map((v, a) => v - centre[a])) > FAR * radius;
+    if (this.gone && !gone) this.follow(this.followed);
+    this.gone = gone;
+    this.origin = gone ? [...centre] : place;
   }
 
   node(path) { return [...this.all.values()].find((node) => node.path === path); }
@@ -384,7 +394,7 @@ class LiveView extends View {
   render() {
     if (this.way) this.walk();
     const followed = this.followed && this.node(this.followed);
-    if (followed) this.origin = followed.group.position.toArray();
+    if (followed) this.accompany(followed.group.position.toArray());
     this.root.position.set(...this.origin.map((v) => -v));
     this.lay();
     this.root.updateMatrixWorld();
@@ -403,16 +413,20 @@ class LiveView extends View {
     this.write();
   }
 
-  // Puts labels where their nodes are.
-  write() {
+  // Labels that are seen, where their nodes are.
+  *captions() {
     const { clientWidth: w, clientHeight: h } = this.canvas, at = new THREE.Vector3();
     for (const { label, group } of [...this.all.values(), ...this.tips]) {
       if (!label) continue;
       at.setFromMatrixPosition(group.matrixWorld).project(this.camera);
       const seen = at.z < 1 && this.isSeen(group);
       label.style.display = seen ? "" : "none";
-      if (seen) label.style.transform = `translate(${0.5 * w * (1 + at.x)}px, ${0.5 * h * (1 - at.y)}px) translate(-50%, -130%)`;
+      if (seen) yield [label, 0.5 * w * (1 + at.x), 0.5 * h * (1 - at.y)];
     }
+  }
+
+  write() {
+    for (const [label, x, y] of this.captions()) label.style.transform = `translate(${x}px, ${y}px) translate(-50%, -130%)`;
   }
 }
 
@@ -460,6 +474,7 @@ export function scene() {
   };
   listen("maps", offer);
   listen("fields", offer);
+  listen("run", () => { if (view.forces) redraw(); });
   document.addEventListener("visibilitychange", tell);
 
   function paint() {
@@ -473,7 +488,8 @@ export function scene() {
     }
     colours?.update();
     view.measure();
-    boxes.offer(view.groups());
+    const groups = view.groups(), waits = view.forces && !groups.length && value("run")?.state === 1;
+    boxes.offer(groups, waits ? "forces are known after the next step" : "");
     view.render();
     byId("scale").textContent = `one square of the floor: ${length(view.cell)}`;
     offerFollow(view);
@@ -497,7 +513,7 @@ export function scene() {
   open();
   addEventListener("resize", redraw);
   new ResizeObserver(redraw).observe(byId("stage"));
-  tools(view, redraw, tell, () => colours?.lines ?? []);
+  tools(view, redraw, tell, () => [colours?.key, boxes.lines]);
   return view;
 }
 
@@ -521,8 +537,8 @@ function tools(view, redraw, tell, legend) {
     lines: () => { view.showLines(!view.lined); pressed("lines", view.lined); },
     path: () => { view.showPath(!view.way); pressed("path", Boolean(view.way)); },
     shot: async () => {
-      const name = value("scene")?.name || "tripod", time = value("run")?.time;
-      save(`${name}.png`, await view.screenshot(BACKGROUND, [time === undefined ? name : `${name}, ${time.toFixed(2)} s`, ...legend()]));
+      const name = value("scene")?.name || "tripod", run = value("run");
+      save(`${name}.png`, await view.screenshot(BACKGROUND, [run ? `${name}, ${run.time.toFixed(decimals(run.dt))} s` : name], ...legend()));
     },
     forces: () => { view.showForces(!view.forces); pressed("forces", view.forces); tell(); },
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),

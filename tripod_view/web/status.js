@@ -1,7 +1,7 @@
 // Title, who commands, how the simulation runs, and what happened to the ball.
 
 import { listen, value } from "./channel.js";
-import { element, milli, place, section, setText, showLines } from "./dom.js";
+import { decimals, element, milli, place, section, setText, showLines } from "./dom.js";
 
 const STATES = ["running", "paused", "holds", "parked", "failed"];
 
@@ -14,7 +14,7 @@ export function status() {
   const mode = element("div", { id: "mode" });
   const notice = element("div", { id: "notice", role: "status" });
   const notes = element("div", { id: "notes" });
-  const lines = element("div", { id: "lines" });
+  const lines = element("div", { id: "node-lines" });
 
   listen("scene", (scene) => {
     setText(title, scene.name || "Tripod");
@@ -41,12 +41,12 @@ export function status() {
     }
     const error = content.effector_time_error ?? content.time_error;
     const parts = [
-      `${STATES[content.state] ?? "?"} at ${content.time.toFixed(1)} s`,
-      `${content.factor.toFixed(2)} x real time`,
+      `${STATES[content.state] ?? "?"} at ${content.time.toFixed(decimals(content.dt))} s`,
+      content.state === 1 ? "" : `${content.factor.toFixed(2)} x real time${content.speed && content.speed !== 1 ? ` (chosen: ${content.speed} x)` : ""}`,
       `step ${milli(content.step)} (p99 ${milli(content.p99)}) of ${milli(content.dt)}`,
     ];
     if (error !== null) parts.push(`time steps err by ${(1e3 * error).toPrecision(2)} mm`);
-    setText(run, parts.join(" · "));
+    setText(run, parts.filter(Boolean).join(" · "));
     run.className = content.state === 4 ? "bad" : "";
   });
   listen("figures", (figures) => {

@@ -22,7 +22,15 @@ function length(metres) {
   return metres >= 1 ? `${short(metres)} m` : metres >= 0.001 ? `${short(1000 * metres)} mm` : `${short(1e6 * metres)} um`;
 }
 
-function save(name, blob) {
+// A place [m] in words, in a scene of that radius [m].
+function placed(place, radius) {
+  const digits = clamp(Math.round(-Math.log10(radius)), 0, 6);
+  return ["x", "y", "z"].map((axis, a) => `${axis} ${(1e3 * place[a]).toFixed(digits).replace(/^-(?=[0.]+$)/, "")}`).join(", ") + " mm";
+}
+
+// Saves a file; what a name should not have in a terminal becomes a dash.
+function save(title, blob) {
+  const name = title.replace(/[^\p{L}\p{N}._-]+/gu, "-");
   const link = document.createElement("a");
   Object.assign(link, { href: URL.createObjectURL(blob), download: name }).click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);

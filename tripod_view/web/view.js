@@ -438,18 +438,42 @@ class View {
     return { vertex: first === undefined ? null : first + node, point: point.toArray().map((v, a) => v + this.origin[a]), body: name, part, node };
   }
 
-  // The picture as it is, with words below it, as a PNG; `background`: a colour.
-  async screenshot(background = "#ffffff", words = []) {
+  // Texts over the picture, each [element, x, y] in pixels of the page.
+  captions() { return []; }
+
+  // The picture as it is, as a PNG on `background`, a colour, with what explains it: captions; from below `words`, the
+  // `key` of the colours, see `Colours`, and lines about `arrows`, each {text, colour}.
+  async screenshot(background = "#ffffff", words = [], key = null, arrows = []) {
     this.render();
-    const { width, height } = this.canvas, sheet = document.createElement("canvas"), size = 15 * this.ratio;
+    const { width, height } = this.canvas, sheet = document.createElement("canvas"), { ratio } = this, size = 15 * ratio;
     Object.assign(sheet, { width, height });
     const pen = sheet.getContext("2d");
+    let y = height - 0.8 * size;
+    const line = (text, colour = "#333", x = size) => { pen.fillStyle = colour; pen.fillText(text, x, y); return x + pen.measureText(text).width; };
+    const up = () => { y -= 1.4 * size; };
     pen.fillStyle = background;
     pen.fillRect(0, 0, width, height);
     pen.drawImage(this.canvas, 0, 0);
-    pen.fillStyle = "#333";
     pen.font = `${size}px system-ui, sans-serif`;
-    words.forEach((line, i) => pen.fillText(line, size, height - size * (0.8 + 1.4 * (words.length - 1 - i))));
+    for (const text of [...words].reverse()) { line(text); up(); }
+    if (key) {
+      const start = line(key.low) + 0.5 * size, one = 14 * size / 256;
+      line(key.high, "#333", start + 14.5 * size);
+      for (let i = 0; i < 256; i++) {
+        pen.fillStyle = `rgb(${key.map.slice(3 * i, 3 * i + 3).join()})`;
+        pen.fillRect(start + i * one, y - 0.8 * size, one + 1, size);
+      }
+      up();
+      line(key.title);
+      up();
+    }
+    for (const { text, colour } of [...arrows].reverse()) { line(`➜ ${text}`, colour); up(); }
+    pen.font = `${12 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    for (const [element, x, at] of this.captions()) {
+      y = ratio * (at - 6);
+      line(element.textContent, "#334", ratio * x);
+    }
     return new Promise((done) => sheet.toBlob(done, "image/png"));
   }
 }
