@@ -54,6 +54,13 @@ def notched(folder: Path) -> Path:
     return path
 
 
+def bar(folder: Path) -> Path:
+    """Return a STEP file of a bar of 40 x 16 x 12 mm; the faces at its ends are `base` and `tip`."""
+    found, path = runpy.run_path(str(ROOT / "examples" / "own_part.py")), folder / "bar.step"
+    path.write_text(found["step_text"](*found["prism"](np.array([[0, 0], [40, 0], [40, 12], [0, 12]]))))
+    return path
+
+
 NOTCHED = 80 * 16 * 12 - 5 * 16 * 6 * (5 + 3) / 2
 """Its volume [mm³]."""
 
@@ -290,6 +297,18 @@ def test_a_step_file_without_a_solid_is_refused(change, names: tuple[str, ...], 
     with pytest.raises(SceneError) as caught:
         mesh_part(path, PartSettings(0.006), "PART")
     assert_names(caught.value, *names)
+
+
+@gmsh
+@pytest.mark.parametrize("size", [0.012, 0.008, 0.004])
+def test_edges_are_as_long_as_the_size_also_where_that_is_a_large_part_of_the_part(
+    size: float, tmp_path: Path
+) -> None:
+    found = mesh_part(bar(tmp_path), PartSettings(size), "PART").mesh
+    corners = found.nodes[found.elements[:, :4]]
+    edges = np.linalg.norm(corners[:, [0, 0, 0, 1, 1, 2]] - corners[:, [1, 2, 3, 2, 3, 3]], axis=2)
+    assert edges.max() > 0.8 * size
+    assert 0.6 * size < np.median(edges) < 1.1 * size
 
 
 @gmsh

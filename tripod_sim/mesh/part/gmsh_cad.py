@@ -68,6 +68,7 @@ def filled(path: str, size: float) -> dict[str, Any]:
     if not size:
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         return {"extent": float((high - low).max()), "volume": volume}
+    gmsh.model.mesh.setSize(gmsh.model.getEntities(0), size)  # else it is at most a tenth of the diagonal
     gmsh.model.mesh.generate(3)
     tags, places, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
