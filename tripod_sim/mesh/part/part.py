@@ -33,7 +33,7 @@ SMALLEST, LARGEST = 1e-5, 100.0
 """Extents of a part [m]; beyond them its unit is taken to be wrong."""
 
 SHARE = 8.5
-"""Tetrahedra in a cube with sides of one edge length."""
+"""Regular tetrahedra in the volume of a cube whose sides are as long as their edges."""
 
 MOST_CELLS = 1_000_000
 """Of a mesh."""
@@ -168,6 +168,14 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     return PartMesh(
         replace(mesh, groups=groups), faces, tool, before, volume, float(facts["distance"]), quality, tuple(notes)
     )  # fmt: skip
+
+
+def mean_edge(mesh: SolidMesh) -> float:
+    """Return the length of an edge [m] of a regular tetrahedron that is as large as those of a mesh on average.
+
+    Where a part has small features, a mesh of it has shorter edges than the size that was asked for.
+    """
+    return float((SHARE * solid_volumes(mesh).sum() / mesh.count) ** (1 / 3))
 
 
 def part_extent(path: Path, settings: PartSettings, field: str, say: Say = lambda _: None) -> float:
