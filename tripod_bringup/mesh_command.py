@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripod_bringup.compiling import compiling_told
-from tripod_bringup.long_work import interruptible, loading
+from tripod_bringup.long_work import in_process, interruptible, loading
 from tripod_bringup.options import Json, Quiet, SceneName, examples, metres, within
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, print_rows, progress_bar
 
@@ -101,9 +101,9 @@ def mesh(
     most_unknowns: Annotated[
         int,
         typer.Option(
-            help="Unknowns that --accuracy may take.", callback=within(100, 200_000, such_as="8000")
+            help="Unknowns that --accuracy may take.", callback=within(100, 200_000, such_as="20000")
         ),
-    ] = 8000,
+    ] = 20_000,
     time_limit: Annotated[
         float,
         typer.Option(
@@ -171,7 +171,7 @@ def mesh_command(
                 size or 0.0, UNITS[unit] if unit else None, element, volume_change, time_limit
             )
             job = Job(part, settings, scene, folder / "part.msh", say)
-            trials = job.meshes_for(accuracy, most_unknowns) if accuracy is not None else job.one_mesh()
+            trials, why = job.meshes_for(accuracy, most_unknowns) if accuracy is not None else job.one_mesh()
             assert job.made
             say("timing a step")
             cost = job.cost()
@@ -186,17 +186,14 @@ def mesh_command(
         return BAD_ARGUMENTS
     files = [path for path in (out, picture) if path is not None]
     table = as_table(job.made, trials, cost, files)
-    reached = accuracy is None or trials[-1].error <= accuracy
+    reached = not why
     if as_json:
         print(json.dumps(plain({**table, "reached": reached})))
     elif not quiet:
         print_rows(rows(job.made, trials, cost, files))
     if accuracy is not None and not reached:
-        print(
-            f"tripod mesh: the error is {100 * trials[-1].error:.2g} %, above {100 * accuracy:.3g} %: a finer mesh "
-            f"would have more than {most_unknowns} unknowns; allow more with --most-unknowns, or accept the error",
-            file=sys.stderr,
-        )
+        error = f"the error is {100 * trials[-1].error:.2g} %, above {100 * accuracy:.3g} %"
+        print(f"tripod mesh: {error}: {why}, or accept the error", file=sys.stderr)
     return 0 if reached else FAILED
 
 
@@ -258,20 +255,23 @@ class Job:
     def __init__(self, part: Path, settings: Any, scene: str, file: Path, say: Said) -> None:
         """`file`: where a mesh is kept while it is judged."""
         self._part, self._settings, self._scene, self._file, self._say = part, settings, scene, file, say
-        self.made: PartMesh | None = None
+        from tripod_study.part import FILL  # noqa: PLC0415 - not needed for the help
 
-    def one_mesh(self) -> "list[Trial]":
+        self.made: PartMesh | None = None
+        self._fill = FILL
+
+    def one_mesh(self) -> "tuple[list[Trial], str]":
         """Make the mesh of the size that is given."""
         self._make(self._settings.size)
-        return []
+        return [], ""
 
-    def meshes_for(self, accuracy: float, most: int) -> "list[Trial]":
-        """Make meshes until one is accurate enough; return what was tried."""
-        from tripod_sim.mesh.part.part import part_extent  # noqa: PLC0415 - not needed for the help
+    def meshes_for(self, accuracy: float, most: int) -> "tuple[list[Trial], str]":
+        """Make meshes until one is accurate enough; return what was tried, and why there is no finer one."""
+        from tripod_sim.mesh.part.part import free_memory, part_extent  # noqa: PLC0415 - not needed for the help
         from tripod_study.part import refined  # noqa: PLC0415
 
         start = part_extent(self._part, self._settings, "PART") / FIRST
-        return refined(start, accuracy, most, self._error_of)
+        return refined(start, accuracy, most, free_memory(), self._trial)
 
     def cost(self) -> "StepCost":
         """Return what a step costs."""
@@ -288,13 +288,34 @@ class Job:
         mesh = self.made.mesh
         write_mesh(self._file, mesh, {**self.made.faces, HELD: held_faces(mesh)})
 
-    def _error_of(self, size: float) -> tuple[float, int]:
-        """Return error and unknowns of the mesh of a size."""
-        from tripod_study.part import relative_error  # noqa: PLC0415 - not needed for the help
+    def _trial(self, size: float) -> "Trial":
+        """Return the mesh of a size with its estimated error."""
+        from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
+        from tripod_sim.mesh.part.part import free_memory, mean_edge  # noqa: PLC0415
+        from tripod_study.part import error_need, judged  # noqa: PLC0415
 
         self._make(size)
-        self._say(f"estimating the error of the mesh with edges of {1e3 * size:.3g} mm")
-        return relative_error(self._judged())
+        assert self.made
+        need, room = error_need(3 * len(self.made.mesh.nodes), self._fill), free_memory()
+        words = f"about {float(f'{need.unknowns:.2g}'):.0f} unknowns, {need.memory / 1e9:.2g} GB"
+        if need.memory > room:
+            raise SceneError(
+                f"the error of the mesh with edges of {1e3 * size:.3g} mm takes a solution with {words} of memory, and "
+                f"{room / 1e9:.2g} GB are free; give a --size, or simplify the part"
+            )
+        text = f"estimating the error of edges of {1e3 * size:.3g} mm ({words}, about {need.seconds:.0f} s)"
+        try:
+            trial = in_process(
+                lambda taken: self._say(f"{text}: {taken:.0f} s"),
+                judged,
+                self._judged(),
+                size,
+                mean_edge(self.made.mesh),
+            )
+        except MemoryError as error:
+            raise SceneError(f"the memory did not suffice for {words}: {error}; give a --size") from None
+        self._fill = trial.fill
+        return trial
 
     def _judged(self) -> Any:
         """Return the scene in which the mesh is judged."""
