@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 from tripod_host.parent import die_with_parent
 from tripod_host.stop import first
 
-Given, Found = ParamSpec("Given"), TypeVar("Found")
+Found = TypeVar("Found")
 
 PERIOD = 0.5
 """Between two reports of the time that work in another process has taken [s]."""
@@ -56,9 +56,7 @@ def kept_words(files: Sequence[Path | None], start: float) -> str:
     return f"stopped; kept: {', '.join(map(str, kept))}" if kept else "stopped; nothing was written"
 
 
-def in_process(
-    say: Callable[[float], None], work: Callable[Given, Found], *args: Given.args, **kwargs: Given.kwargs
-) -> Found:
+def in_process(say: Callable[[float], None], work: Callable[..., Found], *given: Any) -> Found:
     """Return what `work` returns, computed by another process while `say` is told the time that it has taken [s].
 
     A long compiled loop lets no other thread of its process run, so this one stays free to report. Whatever `work`
@@ -69,7 +67,7 @@ def in_process(
     """
     context = get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(sender, os.getpid(), work, args, kwargs))
+    process = context.Process(target=_answer, args=(sender, os.getpid(), work, given))
     start = time.monotonic()
     say(0.0)
     process.start()
@@ -83,7 +81,7 @@ def in_process(
         try:
             while not receiver.poll(PERIOD):
                 say(time.monotonic() - start)
-            found = receiver.recv()
+            found: Found | Exception = receiver.recv()
         except EOFError:
             process.join()
             raise MemoryError(f"the process ended with code {process.exitcode}") from None
@@ -91,15 +89,15 @@ def in_process(
             end()
     if isinstance(found, Exception):
         raise found
-    return found  # type: ignore[no-any-return]
+    return found
 
 
-def _answer(sender: Connection, parent: int, work: Callable[..., object], args: tuple, kwargs: dict) -> None:
+def _answer(sender: Connection, parent: int, work: Callable[..., object], given: tuple[Any, ...]) -> None:
     """Send what `work` returns or raises to the process `parent`."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C is reported by the parent alone
     die_with_parent(parent)
     try:
-        found: object = work(*args, **kwargs)
+        found: object = work(*given)
     except Exception as error:  # noqa: BLE001 - raised again by the parent
         found = error
     sender.send(found)

@@ -192,8 +192,8 @@ def mesh_command(
     elif not quiet:
         print_rows(rows(job.made, trials, cost, files))
     if accuracy is not None and not reached:
-        error = f"the error is {100 * trials[-1].error:.2g} %, above {100 * accuracy:.3g} %"
-        print(f"tripod mesh: {error}: {why}, or accept the error", file=sys.stderr)
+        found = f"the error is {100 * trials[-1].error:.2g} %, above {100 * accuracy:.3g} %"
+        print(f"tripod mesh: {found}: {why}, or accept the error", file=sys.stderr)
     return 0 if reached else FAILED
 
 
