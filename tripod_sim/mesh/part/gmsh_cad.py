@@ -8,14 +8,12 @@ alone. With exit code 1 standard output holds the reason
 instead. The program ends with the process PARENT.
 """
 
-import os
-import signal
 import sys
 from typing import Any
 
 import numpy as np
 
-from tripod_host.parent import die_with_parent
+from tripod_host.parent import helped
 
 VTK_ORDER = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)
 """Of the nodes of a quadratic tetrahedron, as gmsh numbers them."""
@@ -27,20 +25,11 @@ ROUND = 12
 """Edges along a full circle, as far as `FINER` allows them."""
 
 
-def main(parent: str, source: str, target: str) -> int:
-    """Read, fill, write; return the exit code."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # compiled code would not hear of Python's handler
-    die_with_parent(int(parent))
-    answer = os.dup(1)
-    os.dup2(2, 1)  # what the library prints goes to standard error
-    try:
-        with np.load(source, allow_pickle=False) as given:
-            found = filled(str(given["path"]), float(given["size"]))
-        np.savez(target, allow_pickle=False, **found)
-    except Exception as error:  # noqa: BLE001 - whatever a library meets in a file that is broken
-        os.write(answer, (str(error) or type(error).__name__).encode())
-        return 1
-    return 0
+def work(source: str, target: str) -> None:
+    """Read, fill, write."""
+    with np.load(source, allow_pickle=False) as given:
+        found = filled(str(given["path"]), float(given["size"]))
+    np.savez(target, allow_pickle=False, **found)
 
 
 def filled(path: str, size: float) -> dict[str, Any]:
@@ -103,4 +92,4 @@ def _elements(gmsh: Any, dimension: int, tag: int, kind: int, number: np.ndarray
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(helped(int(sys.argv[1]), lambda: work(*sys.argv[2:])))
