@@ -3,7 +3,7 @@
 import json
 import sys
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -114,119 +114,126 @@ def mesh(
     quiet: Quiet = False,
 ) -> None:
     """Mesh a part; the help is `HELP`."""
-    raise typer.Exit(
-        mesh_command(
-            part,
-            size=size,
-            accuracy=accuracy,
-            element=element,
-            unit=unit,
-            out=out or part.with_suffix(".vtu"),
-            picture=picture,
-            scene=scene,
-            volume_change=volume_change,
-            most_unknowns=most_unknowns,
-            time_limit=time_limit,
-            as_json=json,
-            quiet=quiet,
-        )
-    )
+    options = Options(
+        part, size, accuracy, element, unit, out or part.with_suffix(".vtu"), picture, scene, volume_change,
+        most_unknowns, time_limit, json, quiet,
+    )  # fmt: skip
+    raise typer.Exit(mesh_command(options))
 
 
-def mesh_command(
-    part: Path,
-    *,
-    size: float | None,
-    accuracy: float | None,
-    element: str,
-    unit: str | None,
-    out: Path,
-    picture: Path | None,
-    scene: str,
-    volume_change: float,
-    most_unknowns: int,
-    time_limit: float,
-    as_json: bool,
-    quiet: bool,
-) -> int:
+@dataclass(frozen=True)
+class Options:
+    """What `tripod mesh` is asked for; the help of each option is that of `mesh`.
+
+    Attributes:
+        part: File of the part.
+        size: Length of an edge [m], or None.
+        accuracy: Largest relative error, or None.
+        element: `t10` or `t4`.
+        unit: Of a surface, of `UNITS`; None: guessed.
+        out: Mesh to write.
+        picture: To draw, or None.
+        scene: In which the error counts; empty: none.
+        volume_change: Largest relative change of the volume.
+        most_unknowns: That an accuracy may take.
+        time_limit: For one mesh [s].
+        as_json: Whether to print JSON.
+        quiet: Whether to print nothing else.
+    """
+
+    part: Path
+    size: float | None
+    accuracy: float | None
+    element: str
+    unit: str | None
+    out: Path
+    picture: Path | None
+    scene: str
+    volume_change: float
+    most_unknowns: int
+    time_limit: float
+    as_json: bool
+    quiet: bool
+
+
+def mesh_command(options: Options) -> int:
     """Mesh, write, report and return the exit code: 2 bad arguments, 1 accuracy not reached."""
-    with loading("tripod mesh", shown=not quiet):
+    with loading("tripod mesh", shown=not options.quiet):
         from tripod_host.writing import scratch_folder  # noqa: PLC0415 - not needed for the help
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
         from tripod_sim.mesh.part.part import UNITS, PartSettings  # noqa: PLC0415
         from tripod_sim.mesh.write import write_mesh  # noqa: PLC0415
 
     try:
-        check_options(
-            size=size, accuracy=accuracy, element=element, unit=unit, out=out, picture=picture, scene=scene
-        )
+        check_options(options)
         with (
-            interruptible("tripod mesh", out, picture),
-            progress_bar("reading the part", shown=not quiet and sys.stderr.isatty()) as progress,
-            compiling_told("tripod mesh", progress.say if progress else None) if not quiet else nullcontext(),
+            interruptible("tripod mesh", options.out, options.picture),
+            progress_bar("reading the part", shown=not options.quiet and sys.stderr.isatty()) as progress,
+            compiling_told("tripod mesh", progress.say if progress else None)
+            if not options.quiet
+            else nullcontext(),
             scratch_folder() as folder,
         ):
-            say = Said(progress.say if progress else None, quiet=quiet)
+            say = Said(progress.say if progress else None, quiet=options.quiet)
             settings = PartSettings(
-                size or 0.0, UNITS[unit] if unit else None, element, volume_change, time_limit
+                options.size or 0.0,
+                UNITS[options.unit] if options.unit else None,
+                options.element,
+                options.volume_change,
+                options.time_limit,
             )
-            job = Job(part, settings, scene, folder / "part.msh", say)
-            trials, why = job.meshes_for(accuracy, most_unknowns) if accuracy is not None else job.one_mesh()
+            job = Job(options.part, settings, options.scene, folder / "part.msh", say)
+            trials, why = (
+                job.meshes_for(options.accuracy, options.most_unknowns)
+                if options.accuracy is not None
+                else job.one_mesh()
+            )
             assert job.made
             say("timing a step")
             cost = job.cost()
-            write_mesh(out, job.made.mesh, job.made.faces)
-            if picture is not None:
-                draw(job.made, part.name, picture)
+            write_mesh(options.out, job.made.mesh, job.made.faces)
+            if options.picture is not None:
+                draw(job.made, options.part.name, options.picture)
     except (SceneError, StepError) as error:
         print("tripod mesh: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS if isinstance(error, SceneError) else FAILED
     except OSError as error:
         print(f"tripod mesh: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
-    files = [path for path in (out, picture) if path is not None]
+    files = [path for path in (options.out, options.picture) if path is not None]
     table = as_table(job.made, trials, cost, files)
     reached = not why
-    if as_json:
+    if options.as_json:
         print(json.dumps(plain({**table, "reached": reached})))
-    elif not quiet:
+    elif not options.quiet:
         print_rows(rows(job.made, trials, cost, files))
-    if accuracy is not None and not reached:
-        found = f"the error is {100 * trials[-1].error:.2g} %, above {100 * accuracy:.3g} %"
+    if options.accuracy is not None and not reached:
+        found = f"the error is {100 * trials[-1].error:.2g} %, above {100 * options.accuracy:.3g} %"
         print(f"tripod mesh: {found}: {why}, or accept the error", file=sys.stderr)
     return 0 if reached else FAILED
 
 
-def check_options(
-    *,
-    size: float | None,
-    accuracy: float | None,
-    element: str,
-    unit: str | None,
-    out: Path,
-    picture: Path | None,
-    scene: str,
-) -> None:
+def check_options(options: Options) -> None:
     """Raise SceneError or OSError where options do not fit together, or a file cannot be written."""
     from tripod_host.writing import check_place  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
     from tripod_sim.mesh.part.part import UNITS  # noqa: PLC0415
     from tripod_sim.mesh.write import check_writable  # noqa: PLC0415
 
-    if (size is None) == (accuracy is None):
+    if (options.size is None) == (options.accuracy is None):
         raise SceneError("give either --size, such as 3mm, or --accuracy, such as 5%")
-    if scene and accuracy is None:
+    if options.scene and options.accuracy is None:
         raise SceneError("--scene is where the error is estimated; give --accuracy with it")
-    if element not in ("t10", "t4"):
-        raise SceneError(f"--element is {element!r}; allowed: t10, t4")
-    if unit is not None and unit not in UNITS:
-        raise SceneError(f"--unit is {unit!r}; allowed: {', '.join(UNITS)}")
-    check_writable(out, "--out")
-    for path in (out, picture):
+    if options.element not in ("t10", "t4"):
+        raise SceneError(f"--element is {options.element!r}; allowed: t10, t4")
+    if options.unit is not None and options.unit not in UNITS:
+        raise SceneError(f"--unit is {options.unit!r}; allowed: {', '.join(UNITS)}")
+    check_writable(options.out, "--out")
+    for path in (options.out, options.picture):
         if path is not None:
             check_place(path)
-    if picture is not None:
-        check_picture(picture)
+    if options.picture is not None:
+        check_picture(options.picture)
 
 
 class Said:

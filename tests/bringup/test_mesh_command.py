@@ -16,7 +16,7 @@ from tests.messages import assert_names, line_naming
 from tests.sim.broken_surfaces import ball, box, write_stl
 from tests.sim.test_part_mesh import NOTCHED, gmsh, notched, tetwild
 from tripod_bringup.long_work import in_process
-from tripod_bringup.mesh_command import mesh_command
+from tripod_bringup.mesh_command import Options, mesh_command
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.part import part as part_module
 from tripod_sim.mesh.read import read_solid
@@ -31,7 +31,7 @@ def run(part: Path, **options) -> int:
         "time_limit": 300.0,
     }
     given |= {"as_json": False, "quiet": False}
-    return mesh_command(part, **{**given, **options})
+    return mesh_command(Options(part, **{**given, **options}))
 
 
 @gmsh
