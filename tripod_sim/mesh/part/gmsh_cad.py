@@ -2,10 +2,10 @@
 
 gmsh is under the GPL, so nothing else imports it. IN.npz has `path`, the file, and `size`, the length of an edge [m].
 OUT.npz has, in metres, `points` (n, 3) and `cells` (m, 10), quadratic tetrahedra in VTK order, `triangles` (k, 6) and
-`faces` (k,), the faces of the geometry on which they are, `volume`, that of the solids [m³], and `distance`, the
-largest one of a triangle's centre from the geometry. For a size of 0 it has `extent`, the largest one, and `volume`
-alone. With exit code 1 standard output holds the reason
-instead. The program ends with the process PARENT.
+`faces` (k,), the faces of the geometry on which they are, `volume`, that of the solids [m³], `distance`, the largest
+one of a triangle's centre from the geometry, and `joined`, whether solids that touch or overlap were made one body:
+then `faces` are not those of the file. For a size of 0 it has `extent`, the largest one, and `volume` alone. With exit
+code 1 standard output holds the reason instead. The program ends with the process PARENT.
 """
 
 import sys
@@ -53,7 +53,8 @@ def filled(path: str, size: float) -> dict[str, Any]:
     if not solids:
         surfaces = len(gmsh.model.getEntities(2))
         raise ValueError(f"it has no solid, but {surfaces} faces; export the part as a solid")
-    volume = sum(gmsh.model.occ.getMass(3, tag) for tag in solids)
+    joined = len(solids) > 1 and _joined(gmsh)
+    volume = sum(gmsh.model.occ.getMass(*solid) for solid in gmsh.model.getEntities(3))
     if not size:
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         return {"extent": float((high - low).max()), "volume": volume}
@@ -67,7 +68,7 @@ def filled(path: str, size: float) -> dict[str, Any]:
     triangles, faces, distance = [np.zeros((0, 6), np.int64)], [np.zeros(0, np.int64)], 0.0
     for _, face in gmsh.model.getEntities(2):
         own = _elements(gmsh, 2, face, 9, number).reshape(-1, 6)
-        if not len(own):
+        if not len(own) or len(gmsh.model.getAdjacencies(2, face)[0]) > 1:
             continue
         centres = points[own[:, 3:]].sum(axis=1) * (4 / 9) - points[own[:, :3]].sum(axis=1) / 9
         nearest = np.array(gmsh.model.getClosestPoint(2, face, centres.ravel())[0]).reshape(-1, 3)
@@ -79,9 +80,19 @@ def filled(path: str, size: float) -> dict[str, Any]:
         "cells": cells,
         "triangles": np.concatenate(triangles),
         "faces": np.concatenate(faces),
+        "joined": joined,
         "volume": volume,
         "distance": distance,
     }
+
+
+def _joined(gmsh: Any) -> bool:
+    """Let solids share the faces where they touch; return whether any do."""
+    before = gmsh.model.getEntities(2)
+    first, *others = gmsh.model.getEntities(3)
+    gmsh.model.occ.fragment([first], others)
+    gmsh.model.occ.synchronize()
+    return bool(gmsh.model.getEntities(2) != before)
 
 
 def _elements(gmsh: Any, dimension: int, tag: int, kind: int, number: np.ndarray) -> np.ndarray:

@@ -139,6 +139,10 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
             f"{less} nodes are not quite on the surface, because elements would bend too much there; a smaller size "
             "avoids it"
         )
+    if facts.get("joined"):
+        notes.append(
+            "solids touch or overlap and became one body; its faces have numbers instead of their names"
+        )
     check_mesh(mesh, name)
     quality = element_quality(mesh)
     if (worst := float(quality.min())) < LEAST_QUALITY:
@@ -347,13 +351,13 @@ def _fill_cad(path: Path, settings: PartSettings, name: str, say: Say) -> Filled
     corners = 3 if settings.element == "t4" else 6
     names = face_names(path)
     tags = np.unique(made["faces"])
-    known = len(names) == int(tags.max())
+    known = len(names) == int(tags.max()) and not made["joined"]
     faces: dict[str, IndexArray] = {}
     for tag in tags.tolist():
         rows = number[made["triangles"][made["faces"] == tag][:, :corners]]
         key = (names[tag - 1] if known else "") or f"face:{tag}"
         faces[key] = np.concatenate([faces[key], rows]) if key in faces else rows
-    return (mesh, less), faces, {"volume": made["volume"], "distance": made["distance"]}
+    return (mesh, less), faces, {key: made[key] for key in ("volume", "distance", "joined")}
 
 
 def tetrahedra(points: FloatArray, cells: IndexArray) -> SolidMesh:
