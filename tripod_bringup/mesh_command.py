@@ -394,6 +394,12 @@ def rows(
     made: "PartMesh", trials: "list[Trial]", cost: "StepCost", files: list[Path]
 ) -> list[tuple[str, str]]:
     """Return what is known of a mesh as names and texts for people."""
+
+    def placed(face: str) -> str:
+        """Return a face's name with the mean place of its nodes [mm]."""
+        place = made.mesh.nodes[made.faces[face]].mean(axis=(0, 1))
+        return f"{face} at ({', '.join(f'{round(1e3 * c, 3) + 0.0:.3g}' for c in place.tolist())})"
+
     low, high = made.mesh.nodes.min(axis=0), made.mesh.nodes.max(axis=0)
     reach = " x ".join(f"{1e3 * e:.4g}" for e in high - low)
     change = round(100 * (made.volume / made.volume_before - 1), 2) + 0.0  # no -0.00
@@ -415,7 +421,7 @@ def rows(
         found.append((f"cavity {k}", f"{1e9 * volume:.4g} mm³, for a chamber: cavity = {k}"))
     if made.faces:
         more = len(made.faces) - SHOWN
-        listed = ", ".join(list(made.faces)[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+        listed = ", ".join(map(placed, list(made.faces)[:SHOWN])) + (f" and {more} more" if more > 0 else "")
         found.append(
             ("faces", f"{listed}; sets of a scene{'' if files[0].suffix == '.msh' else ', by number'}")
         )

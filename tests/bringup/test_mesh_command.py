@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -46,7 +47,10 @@ def test_it_writes_the_mesh_and_a_picture_and_says_what_is_known(
     assert_names(line_naming(said.out, "mesh", "t10"), mesh.count, "gmsh")
     assert_names(line_naming(said.out, "volume"), f"{NOTCHED:.4g} mm³", "+0.00 %")
     assert_names(line_naming(said.out, "step"), "ms", "5 ms")
-    assert_names(line_naming(said.out, "faces"), "right", "more")
+    faces = line_naming(said.out, "faces")
+    assert_names(faces, "right", "more")
+    assert re.search(r"left at \(40, 8, 6\.\d+\)", faces), faces
+    assert re.search(r"below_2 at \(13\.3, 0, 6\)", faces), faces
     assert {"base", "tip"} <= set(mesh.groups)
     with Image.open(picture) as image:
         pixels = (

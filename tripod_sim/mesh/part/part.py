@@ -38,8 +38,11 @@ SHARE = 8.5
 MOST_CELLS = 1_000_000
 """Of a mesh."""
 
-CELL_BYTES, BASE_BYTES = 8e3, 3e8
-"""Memory of a mesher for each tetrahedron, and for itself [B]: a guess, far above the 250 MB of 35,000 tetrahedra."""
+CELL_BYTES, BASE_BYTES = 1.6e3, 4e8
+"""Memory of meshing for each tetrahedron expected, and without any [B]: of the mesher's process and of the one that
+waits for it and checks the mesh, together. Measured by benchmarks/mesher_memory.py: by gmsh 285 MB (bar, 4722 of them
+expected), 385 MB (notched finger, 192,744), 541 MB (beam, 330,418); by fTetWild 371 MB (ball, 4424), 388 MB (box,
+29,514), 400 MB (ball, 48,768). That grows by 0.8 kB for each; twice that is taken."""
 
 LEAST_QUALITY = 0.01
 """Of an element, the smallest scaled Jacobian: flatter ones make steps fail."""
