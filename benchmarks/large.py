@@ -32,6 +32,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 
 from benchmarks.doc_parts import write_part
+from tests.scenes import held_bar
 from tripod_host.threads import processors
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import StepError
@@ -49,7 +50,7 @@ CELLS = {
 }
 SIZES = {"beam": (0.2, 0.02, 0.02), "block": (0.2, 0.2, 0.2)}
 YOUNG = {"beam": 250e3, "block": 3e3}
-DENSITY, STEP = 1070.0, 0.01
+DENSITY, STEP = 1070.0, 0.01  # as of `held_bar`
 
 HARD = {
     "jump": 'prescribed: turn="0: 0,0,0; 0.01: 0,1.5,0", centre=[0.2,0.01,0.01]',
@@ -71,37 +72,9 @@ def scene_of(
     shape: str, cells: tuple[int, ...], element: str, poisson: float, folder: Path, extra: str = ""
 ) -> Scene:
     """Return a body held at X = 0 that falls; `extra`: more tables."""
-    x, y, z = SIZES[shape]
-    corners = [[0, 0, 0], [x, 0, 0], [x, y, 0], [0, y, 0], [0, 0, z], [x, 0, z], [x, y, z], [0, y, z]]
-    text = f"""name = "{shape}"
-dt = {STEP}
-duration = 0.5
-[mesh]
-source = "block"
-element = "{element}"
-cells = {list(cells)}
-corners = {corners}
-[material]
-young = {YOUNG[shape]}
-poisson = {poisson}
-density = {DENSITY}
-[gravity]
-[inertia]
-[damping]
-stiffness = 0.01
-[[set]]
-name = "root"
-high = [0, 1, 1]
-[[set]]
-name = "tip"
-low = [{x}, -1, -1]
-[[fixed]]
-set = "root"
-[[marker]]
-set = "tip"
-{extra}"""
+    bar = held_bar(cells, element, size=SIZES[shape], young=YOUNG[shape], poisson=poisson)
     path = folder / "large.toml"
-    path.write_text(text)
+    path.write_text(f'{bar}[[marker]]\nset = "tip"\n{extra}')
     return load_scene(str(path))
 
 

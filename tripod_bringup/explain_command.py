@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from tripod_study.explain.linear import LinearUse
     from tripod_study.explain.report import Explanation, Progress
     from tripod_study.spatial_error import SpatialError
 
@@ -182,6 +183,8 @@ def show(found: "Explanation") -> None:
         + (f", {size.factor_entries} of its factor" if size.factor_entries else "")
         + f"; built in {found.build:.3g} s"
     )
+    if found.linear:
+        say(escape(linear_line(found.linear)))
     table = _columns("memory", "kB", table=Table)
     for part, count in found.memory.items():
         table.add_row(part, f"{count / 1e3:.1f}")
@@ -191,6 +194,26 @@ def show(found: "Explanation") -> None:
         say(f"note: {escape(note)}")
     say(f"effects: {', '.join(found.named) or 'none'}")
     _show_absent(found, console, Table)
+
+
+def linear_line(use: "LinearUse") -> str:
+    """Return for people which linear solver is used and why, with its memory and its work in a step."""
+    kind = "conjugate gradients" if use.solver == "cg" else f"direct ({use.solver})"
+    entries = (
+        f"; L {'would have' if use.iterations else 'has'} {_two(use.entries)} entries" if use.entries else ""
+    )
+    work = f"{use.solutions:.3g} solutions"
+    if use.iterations:
+        work += f" of {use.iterations / use.solutions:.0f} iterations each"
+    return (
+        f"linear solver: {kind}, {1e-6 * use.memory:.3g} MB{entries}; {use.why}. A step takes {work} and "
+        f"{use.hessians:.3g} new Hessians" + (f"; {use.reuse}" if use.reuse else "")
+    )
+
+
+def _two(count: int) -> str:
+    """Return a count with two digits and its power of ten in words."""
+    return f"{count / 1e6:.2g} million" if count >= 1e6 else f"{float(f'{count:.2g}'):.0f}"
 
 
 def error_lines(found: "SpatialError") -> list[str]:

@@ -3,14 +3,14 @@
 import json
 import sys
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tripod_bringup.compiling import compiling_told
-from tripod_bringup.long_work import interruptible, loading
+from tripod_bringup.long_work import in_process, interruptible, loading
 from tripod_bringup.options import Json, Quiet, SceneName, examples, metres, within
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, print_rows, progress_bar
 
@@ -101,9 +101,9 @@ def mesh(
     most_unknowns: Annotated[
         int,
         typer.Option(
-            help="Unknowns that --accuracy may take.", callback=within(100, 200_000, such_as="8000")
+            help="Unknowns that --accuracy may take.", callback=within(100, 200_000, such_as="20000")
         ),
-    ] = 8000,
+    ] = 20_000,
     time_limit: Annotated[
         float,
         typer.Option(
@@ -114,122 +114,126 @@ def mesh(
     quiet: Quiet = False,
 ) -> None:
     """Mesh a part; the help is `HELP`."""
-    raise typer.Exit(
-        mesh_command(
-            part,
-            size=size,
-            accuracy=accuracy,
-            element=element,
-            unit=unit,
-            out=out or part.with_suffix(".vtu"),
-            picture=picture,
-            scene=scene,
-            volume_change=volume_change,
-            most_unknowns=most_unknowns,
-            time_limit=time_limit,
-            as_json=json,
-            quiet=quiet,
-        )
-    )
+    options = Options(
+        part, size, accuracy, element, unit, out or part.with_suffix(".vtu"), picture, scene, volume_change,
+        most_unknowns, time_limit, json, quiet,
+    )  # fmt: skip
+    raise typer.Exit(mesh_command(options))
 
 
-def mesh_command(
-    part: Path,
-    *,
-    size: float | None,
-    accuracy: float | None,
-    element: str,
-    unit: str | None,
-    out: Path,
-    picture: Path | None,
-    scene: str,
-    volume_change: float,
-    most_unknowns: int,
-    time_limit: float,
-    as_json: bool,
-    quiet: bool,
-) -> int:
+@dataclass(frozen=True)
+class Options:
+    """What `tripod mesh` is asked for; the help of each option is that of `mesh`.
+
+    Attributes:
+        part: File of the part.
+        size: Length of an edge [m], or None.
+        accuracy: Largest relative error, or None.
+        element: `t10` or `t4`.
+        unit: Of a surface, of `UNITS`; None: guessed.
+        out: Mesh to write.
+        picture: To draw, or None.
+        scene: In which the error counts; empty: none.
+        volume_change: Largest relative change of the volume.
+        most_unknowns: That an accuracy may take.
+        time_limit: For one mesh [s].
+        as_json: Whether to print JSON.
+        quiet: Whether to print nothing else.
+    """
+
+    part: Path
+    size: float | None
+    accuracy: float | None
+    element: str
+    unit: str | None
+    out: Path
+    picture: Path | None
+    scene: str
+    volume_change: float
+    most_unknowns: int
+    time_limit: float
+    as_json: bool
+    quiet: bool
+
+
+def mesh_command(options: Options) -> int:
     """Mesh, write, report and return the exit code: 2 bad arguments, 1 accuracy not reached."""
-    with loading("tripod mesh", shown=not quiet):
+    with loading("tripod mesh", shown=not options.quiet):
         from tripod_host.writing import scratch_folder  # noqa: PLC0415 - not needed for the help
         from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
         from tripod_sim.mesh.part.part import UNITS, PartSettings  # noqa: PLC0415
         from tripod_sim.mesh.write import write_mesh  # noqa: PLC0415
 
     try:
-        check_options(
-            size=size, accuracy=accuracy, element=element, unit=unit, out=out, picture=picture, scene=scene
-        )
+        check_options(options)
         with (
-            interruptible("tripod mesh", out, picture),
-            progress_bar("reading the part", shown=not quiet and sys.stderr.isatty()) as progress,
-            compiling_told("tripod mesh", progress.say if progress else None) if not quiet else nullcontext(),
+            interruptible("tripod mesh", options.out, options.picture),
+            progress_bar("reading the part", shown=not options.quiet and sys.stderr.isatty()) as progress,
+            compiling_told("tripod mesh", progress.say if progress else None)
+            if not options.quiet
+            else nullcontext(),
             scratch_folder() as folder,
         ):
-            say = Said(progress.say if progress else None, quiet=quiet)
+            say = Said(progress.say if progress else None, quiet=options.quiet)
             settings = PartSettings(
-                size or 0.0, UNITS[unit] if unit else None, element, volume_change, time_limit
+                options.size or 0.0,
+                UNITS[options.unit] if options.unit else None,
+                options.element,
+                options.volume_change,
+                options.time_limit,
             )
-            job = Job(part, settings, scene, folder / "part.msh", say)
-            trials = job.meshes_for(accuracy, most_unknowns) if accuracy is not None else job.one_mesh()
+            job = Job(options.part, settings, options.scene, folder / "part.msh", say)
+            trials, why = (
+                job.meshes_for(options.accuracy, options.most_unknowns)
+                if options.accuracy is not None
+                else job.one_mesh()
+            )
             assert job.made
             say("timing a step")
             cost = job.cost()
-            write_mesh(out, job.made.mesh, job.made.faces)
-            if picture is not None:
-                draw(job.made, part.name, picture)
+            write_mesh(options.out, job.made.mesh, job.made.faces)
+            if options.picture is not None:
+                draw(job.made, options.part.name, options.picture)
     except (SceneError, StepError) as error:
         print("tripod mesh: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS if isinstance(error, SceneError) else FAILED
     except OSError as error:
         print(f"tripod mesh: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
-    files = [path for path in (out, picture) if path is not None]
+    files = [path for path in (options.out, options.picture) if path is not None]
     table = as_table(job.made, trials, cost, files)
-    reached = accuracy is None or trials[-1].error <= accuracy
-    if as_json:
+    reached = not why
+    if options.as_json:
         print(json.dumps(plain({**table, "reached": reached})))
-    elif not quiet:
+    elif not options.quiet:
         print_rows(rows(job.made, trials, cost, files))
-    if accuracy is not None and not reached:
-        print(
-            f"tripod mesh: the error is {100 * trials[-1].error:.2g} %, above {100 * accuracy:.3g} %: a finer mesh "
-            f"would have more than {most_unknowns} unknowns; allow more with --most-unknowns, or accept the error",
-            file=sys.stderr,
-        )
+    if options.accuracy is not None and not reached:
+        found = f"the error is {100 * trials[-1].error:.2g} %, above {100 * options.accuracy:.3g} %"
+        print(f"tripod mesh: {found}: {why}, or accept the error", file=sys.stderr)
     return 0 if reached else FAILED
 
 
-def check_options(
-    *,
-    size: float | None,
-    accuracy: float | None,
-    element: str,
-    unit: str | None,
-    out: Path,
-    picture: Path | None,
-    scene: str,
-) -> None:
+def check_options(options: Options) -> None:
     """Raise SceneError or OSError where options do not fit together, or a file cannot be written."""
     from tripod_host.writing import check_place  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError  # noqa: PLC0415
     from tripod_sim.mesh.part.part import UNITS  # noqa: PLC0415
     from tripod_sim.mesh.write import check_writable  # noqa: PLC0415
 
-    if (size is None) == (accuracy is None):
+    if (options.size is None) == (options.accuracy is None):
         raise SceneError("give either --size, such as 3mm, or --accuracy, such as 5%")
-    if scene and accuracy is None:
+    if options.scene and options.accuracy is None:
         raise SceneError("--scene is where the error is estimated; give --accuracy with it")
-    if element not in ("t10", "t4"):
-        raise SceneError(f"--element is {element!r}; allowed: t10, t4")
-    if unit is not None and unit not in UNITS:
-        raise SceneError(f"--unit is {unit!r}; allowed: {', '.join(UNITS)}")
-    check_writable(out, "--out")
-    for path in (out, picture):
+    if options.element not in ("t10", "t4"):
+        raise SceneError(f"--element is {options.element!r}; allowed: t10, t4")
+    if options.unit is not None and options.unit not in UNITS:
+        raise SceneError(f"--unit is {options.unit!r}; allowed: {', '.join(UNITS)}")
+    check_writable(options.out, "--out")
+    for path in (options.out, options.picture):
         if path is not None:
             check_place(path)
-    if picture is not None:
-        check_picture(picture)
+    if options.picture is not None:
+        check_picture(options.picture)
 
 
 class Said:
@@ -258,20 +262,23 @@ class Job:
     def __init__(self, part: Path, settings: Any, scene: str, file: Path, say: Said) -> None:
         """`file`: where a mesh is kept while it is judged."""
         self._part, self._settings, self._scene, self._file, self._say = part, settings, scene, file, say
-        self.made: PartMesh | None = None
+        from tripod_study.part import FILL  # noqa: PLC0415 - not needed for the help
 
-    def one_mesh(self) -> "list[Trial]":
+        self.made: PartMesh | None = None
+        self._fill = FILL
+
+    def one_mesh(self) -> "tuple[list[Trial], str]":
         """Make the mesh of the size that is given."""
         self._make(self._settings.size)
-        return []
+        return [], ""
 
-    def meshes_for(self, accuracy: float, most: int) -> "list[Trial]":
-        """Make meshes until one is accurate enough; return what was tried."""
-        from tripod_sim.mesh.part.part import part_extent  # noqa: PLC0415 - not needed for the help
+    def meshes_for(self, accuracy: float, most: int) -> "tuple[list[Trial], str]":
+        """Make meshes until one is accurate enough; return what was tried, and why there is no finer one."""
+        from tripod_sim.mesh.part.part import free_memory, part_extent  # noqa: PLC0415 - not needed for the help
         from tripod_study.part import refined  # noqa: PLC0415
 
         start = part_extent(self._part, self._settings, "PART") / FIRST
-        return refined(start, accuracy, most, self._error_of)
+        return refined(start, accuracy, most, free_memory(), self._trial)
 
     def cost(self) -> "StepCost":
         """Return what a step costs."""
@@ -288,13 +295,34 @@ class Job:
         mesh = self.made.mesh
         write_mesh(self._file, mesh, {**self.made.faces, HELD: held_faces(mesh)})
 
-    def _error_of(self, size: float) -> tuple[float, int]:
-        """Return error and unknowns of the mesh of a size."""
-        from tripod_study.part import relative_error  # noqa: PLC0415 - not needed for the help
+    def _trial(self, size: float) -> "Trial":
+        """Return the mesh of a size with its estimated error."""
+        from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
+        from tripod_sim.mesh.part.part import free_memory, mean_edge  # noqa: PLC0415
+        from tripod_study.part import error_need, judged  # noqa: PLC0415
 
         self._make(size)
-        self._say(f"estimating the error of the mesh with edges of {1e3 * size:.3g} mm")
-        return relative_error(self._judged())
+        assert self.made
+        need, room = error_need(3 * len(self.made.mesh.nodes), self._fill), free_memory()
+        words = f"about {float(f'{need.unknowns:.2g}'):.0f} unknowns, {need.memory / 1e9:.2g} GB"
+        if need.memory > room:
+            raise SceneError(
+                f"the error of the mesh with edges of {1e3 * size:.3g} mm takes a solution with {words} of memory, and "
+                f"{room / 1e9:.2g} GB are free; give a --size, or simplify the part"
+            )
+        text = f"estimating the error of edges of {1e3 * size:.3g} mm ({words}, about {need.seconds:.0f} s)"
+        try:
+            trial = in_process(
+                lambda taken: self._say(f"{text}: {taken:.0f} s"),
+                judged,
+                self._judged(),
+                size,
+                mean_edge(self.made.mesh),
+            )
+        except MemoryError as error:
+            raise SceneError(f"the memory did not suffice for {words}: {error}; give a --size") from None
+        self._fill = trial.fill
+        return trial
 
     def _judged(self) -> Any:
         """Return the scene in which the mesh is judged."""
@@ -366,6 +394,12 @@ def rows(
     made: "PartMesh", trials: "list[Trial]", cost: "StepCost", files: list[Path]
 ) -> list[tuple[str, str]]:
     """Return what is known of a mesh as names and texts for people."""
+
+    def placed(face: str) -> str:
+        """Return a face's name with the mean place of its nodes [mm]."""
+        place = made.mesh.nodes[made.faces[face]].mean(axis=(0, 1))
+        return f"{face} at ({', '.join(f'{round(1e3 * c, 3) + 0.0:.3g}' for c in place.tolist())})"
+
     low, high = made.mesh.nodes.min(axis=0), made.mesh.nodes.max(axis=0)
     reach = " x ".join(f"{1e3 * e:.4g}" for e in high - low)
     change = round(100 * (made.volume / made.volume_before - 1), 2) + 0.0  # no -0.00
@@ -387,7 +421,7 @@ def rows(
         found.append((f"cavity {k}", f"{1e9 * volume:.4g} mm³, for a chamber: cavity = {k}"))
     if made.faces:
         more = len(made.faces) - SHOWN
-        listed = ", ".join(list(made.faces)[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+        listed = ", ".join(map(placed, list(made.faces)[:SHOWN])) + (f" and {more} more" if more > 0 else "")
         found.append(
             ("faces", f"{listed}; sets of a scene{'' if files[0].suffix == '.msh' else ', by number'}")
         )

@@ -1,25 +1,31 @@
 """Any scene as it is described: its schemes, steps, elements and refined meshes against the finest that time allows.
 
 The reference is the scene on its mesh refined as often as the budget allows, by the scheme of the highest order that it
-takes, in steps of 1/32 of its dt. What that itself may err is told by the same with half the refinement and twice the
-step: where it is large, as in a motion that no step can follow, the study says so and promises little.
+takes, in steps of 1/32 of its dt. The mesh of a part is made again, finer or coarser, instead of refined. What the
+reference itself may err is told by the same with edges and steps twice as long: where it is large, as in a motion that
+no step can follow, the study says so and promises little.
 """
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.scheme import ExplicitScheme
 from tripod_sim.integrators.schemes import SCHEMES, bdf2, implicit_euler, tr_bdf2
-from tripod_sim.mesh.described import element_of
+from tripod_sim.mesh.described import described_mesh, element_of
+from tripod_sim.mesh.file_format import PARTS, checked_format
+from tripod_sim.mesh.part.part import mean_edge
 from tripod_sim.scene import Scene
 from tripod_sim.scene.file import load_scene, value_of
 from tripod_sim.scene.script import script_of
 from tripod_sim.simulation import Simulation
+from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.short_forms import contact_of, effector_of, joints_of
 from tripod_study import watch
 from tripod_study.accuracy.studied import studied
@@ -54,9 +60,15 @@ BODIES = "Meshes of [[body]] are not refined: these figures are of the time step
 LEFT_OUT = "time steps alone, without the error of the mesh: "
 """What errors are of, then: whoever picks a setting by them reads that first."""
 
-SOLVE, GROWTH, TOUCHING = 1.2e-6, 1.35, 10.0
+SOLVE, GROWTH, TOUCHING, REUSED = 1.2e-6, 1.35, 10.0, 0.2
 """About the time of a step with TR-BDF2 and Newton's method [s]: SOLVE times the unknowns to this power; with contact
-so many times as long."""
+TOUCHING times as long; of solids whose Hessian serves many steps REUSED of it."""
+
+FINER, COARSER = (4.0, 2.83, 2.0), (2.0, 1.41)
+"""Edges of the mesh of a part over those of finer meshes, and of coarser meshes over those of the part's own mesh."""
+
+FEWER = 0.8
+"""Share of the elements that a coarser mesh of a part has at most: small features need as many whatever the size."""
 
 FINE = 1e-7
 """Unbalanced force that the reference is solved to, unless the scene asks for less [N]: rounding is not far below."""
@@ -156,6 +168,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
             duration=interval * samples,
             interval=interval,
             state=_state(subject.scene),
+            size=_part_size(made),
         ),
         studied=studied(load_scene(subject.scene), default),
     )  # fmt: skip
@@ -194,19 +207,31 @@ def _left_out(scene: Scene, default: Settings, finest: Settings) -> str:
     """Return why what meshes err is not in the figures; empty where it is."""
     if any(body.mesh for body in scene.body):
         return BODIES
-    return MESHES if scene.mesh and finest["mesh.refine"] == default["mesh.refine"] else ""
+    return (
+        MESHES if scene.mesh and all(finest[field] == default[field] for field in _mesh_of(default)) else ""
+    )
 
 
 # what is run ----------------------------------------------------------------------------------------------------------
 
 
 class _Tries:
-    """Which settings a scene takes, about what a step costs with them, and the force to which it is solved [N]."""
+    """Which settings a scene takes, and about what a step costs with them.
+
+    Attributes:
+        made: The scene.
+        tolerance: Unbalanced force to which it is solved [N].
+        size, edge: Of the mesh of a part: what was asked for, and the mean edge [m]; of other meshes None and 0.
+    """
 
     def __init__(self, source: str, base: Settings, made: Scene) -> None:
         self._source, self._base, self.made = source, base, made
         simulation = Simulation(made)
         self._unknowns, self.tolerance = simulation.unknowns, simulation.solver.tolerance
+        reused = bool(made.mesh) and not (simulation._system.elastic.has_modes or contact_of(made))
+        self.size = _part_size(made)
+        self.edge = _edge(made.mesh) if made.mesh and self.size else 0.0
+        self._share = REUSED if reused else TOUCHING if contact_of(made) else 1.0
 
     def takes(self, settings: Settings) -> bool:
         """Return whether the scene can be described so."""
@@ -218,19 +243,86 @@ class _Tries:
 
     def unknowns(self, settings: Settings) -> int:
         """Return about how many there are."""
+        if self.size:
+            size = settings.get("mesh.size", self.size)
+            return (
+                self._unknowns
+                if size == self.size
+                else round(self._unknowns * (self.edge / float(size)) ** 3)
+            )
         first = self.made.mesh.refine if self.made.mesh else 0
         return self._unknowns * 8 ** (int(settings.get("mesh.refine", first)) - first)
 
+    def meshes(self) -> list[tuple[Settings, Settings]]:
+        """Return settings of ever coarser meshes, down to that of the scene, each with those of twice its edges."""
+        mesh = self.made.mesh
+        if not mesh:
+            return [({}, {})]
+        if self.size:
+            finer = [(self.edge / f, 2 * self.edge / f if f > 2 else self.size) for f in FINER]
+            return [
+                ({"mesh.size": _rounded(fine)}, {"mesh.size": _rounded(coarse)})
+                for fine, coarse in (*finer, (self.size, self.size))
+            ]
+        return [
+            ({"mesh.refine": k}, {"mesh.refine": max(mesh.refine, k - 1)})
+            for k in range(3, mesh.refine - 1, -1)
+        ]
+
+    def coarser(self) -> list[Settings]:
+        """Return settings of meshes that are coarser than that of the scene: of a part those that have fewer elements.
+
+        It makes these meshes.
+        """
+        sizes = [_rounded(self.size * factor) for factor in COARSER] if self.size else []
+        return [
+            {"mesh.size": size} for size in sizes if self._elements(size) < FEWER * self._elements(self.size)
+        ]
+
+    def _elements(self, size: float | None) -> float:
+        """Return the number of elements of a part with edges of `size` [m], before they are refined."""
+        assert self.made.mesh
+        try:
+            return described_mesh(replace(self.made.mesh, size=size, refine=0)).count
+        except SceneError:
+            return math.inf
+
     def cost(self, settings: Settings) -> float:
         """Return about what a step costs [s]. It is not measured: a study that is resumed must be the same one."""
-        return float(SOLVE * self.unknowns(settings) ** GROWTH * (TOUCHING if contact_of(self.made) else 1.0))
+        return float(SOLVE * self.unknowns(settings) ** GROWTH * self._share)
+
+
+def _part_size(scene: Scene) -> float | None:
+    """Return the length of an edge [m] of the mesh that fills a part; None where the mesh is no part's."""
+    mesh = scene.mesh
+    if not (mesh and mesh.size and "." in mesh.source):
+        return None
+    return mesh.size if checked_format(Path(mesh.source), "mesh.source") in PARTS else None
+
+
+def _mesh_of(settings: Settings) -> dict[str, Value]:
+    """Return the setting that says how fine the mesh is."""
+    return {field: settings[field] for field in ("mesh.refine", "mesh.size") if field in settings}
+
+
+def _edge(mesh: Mesh) -> float:
+    """Return the mean edge [m] of the mesh of a part, before it is refined, at most its size."""
+    assert mesh.size
+    return min(mesh.size, mean_edge(described_mesh(replace(mesh, refine=0))))
+
+
+def _rounded(size: float) -> float:
+    """Return a size with four digits: enough to be found again by, and short."""
+    return float(f"{size:.4g}")
 
 
 def _default(scene: Scene) -> dict[str, Value]:
     """Return the values of the knobs in the scene."""
     found: dict[str, Value] = {}
     if scene.mesh:
-        found |= {"mesh.element": element_of(scene.mesh), "mesh.refine": scene.mesh.refine}
+        size = _part_size(scene)
+        found |= {"mesh.element": element_of(scene.mesh)}
+        found |= {"mesh.size": size} if size else {"mesh.refine": scene.mesh.refine}
     if scene.inertia:
         scheme = scene.inertia.integrator
         found["inertia.scheme"] = (implicit_euler.SCHEME if scheme.is_automatic else scheme).name
@@ -259,17 +351,15 @@ def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) ->
     if made.inertia:
         schemes = (*(s.SCHEME.name for s in (tr_bdf2, bdf2, implicit_euler)), made.inertia.scheme)
         fine["inertia.scheme"] = next(s for s in schemes if tries.takes({**fine, "inertia.scheme": s}))
-    most, first = QUICK_FINEST if quick else FINEST, made.mesh.refine if made.mesh else 0
+    most = QUICK_FINEST if quick else FINEST
     for parts in dict.fromkeys((most, 8)):
         steps = duration / made.dt * (parts if made.inertia else 1)
-        for refine in range(3 if made.mesh else 0, first - 1, -1):
+        for mesh, coarser in tries.meshes():
             dt = made.dt / (parts if made.inertia else 1)
-            rung = {**fine, "dt": dt} | ({"mesh.refine": refine} if made.mesh else {})
+            rung = {**fine, "dt": dt, **mesh}
             if steps * tries.cost(rung) > budget or tries.unknowns(rung) > MOST:
                 continue
-            coarse = {**rung, "dt": 2 * dt if made.inertia else dt}
-            if made.mesh:
-                coarse["mesh.refine"] = max(first, refine - 1)
+            coarse = {**rung, "dt": 2 * dt if made.inertia else dt, **coarser}
             if coarse == rung:  # statics on the only mesh: what is left is the tolerance
                 coarse["solver.tolerance"] = 10 * tolerance
             return (coarse, rung)
@@ -295,13 +385,13 @@ def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) 
     points = grid(default, **({"inertia__scheme": schemes, "dt": steps} if made.inertia else {"dt": steps}))
     if "solver.mode" in default:
         points += grid(default, solver__mode=("newton", "one_solve"))
-    if made.mesh:
-        finer = range(made.mesh.refine + 1, int(finest.get("mesh.refine", 0)))
-        for one in (default, best):
-            points += grid(one, mesh__refine=list(finer), dt=steps[:2])
-        if (
-            not quick and int(finest["mesh.refine"]) > made.mesh.refine
-        ):  # else the reference has the error of the mesh
+    if made.mesh and _mesh_of(finest) != _mesh_of(default):  # else the reference has the error of the mesh
+        least, most = tries.unknowns(default), tries.unknowns(finest)
+        meshes = [mesh for mesh, _ in reversed(tries.meshes()) if least < tries.unknowns(mesh) < most]
+        meshes += tries.coarser()
+        for one, mesh in product((default, best), meshes):
+            points += grid({**one, **mesh}, dt=steps[:2])
+        if not quick:
             points += grid(best, mesh__element=ELEMENTS.get(str(default["mesh.element"]), ()), dt=steps[1:3])
     kept = [p for p in points if tries.takes(p.settings)]
     return points_of(default, kept, "the scene as it is")

@@ -12,6 +12,7 @@ from tripod_sim.effects.damping import Damping
 from tripod_sim.effects.gravity import Gravity
 from tripod_sim.effects.inertia import Inertia
 from tripod_sim.errors import SceneError
+from tripod_sim.linear.choice import LARGE
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.simulation import Simulation
@@ -36,6 +37,20 @@ FEWEST, PATIENCE = 3, 5.0
 
 LARGEST_CHANGE, MARGIN = 0.5, 0.9
 """Of the size from one mesh to the next: at most by this factor; and what is taken beyond the estimate."""
+
+PLAIN = 1.4
+"""Size over the mean edge of meshes of parts without small features, about: a larger size makes no other mesh."""
+
+FILL = 6.0
+"""Entries of L over the unknowns to the power 1.5: of a cube of quadratic tetrahedra; of a slender bar it is 2.8."""
+
+ENTRY_BYTES, FEWEST_BYTES = 21.0, 1.5e8
+"""Memory of a static solution for each entry of L, and for the program [B]: as measured, 1.50 GB of a bar of 81,120
+unknowns and 65 million entries, 2.51 GB of a cube of 70,644 and 116 million."""
+
+FACTOR_TIME, FACTORISATIONS, BUILD_TIME = 7.3e-12, 8, 3e-4
+"""CPU time of a factorisation over the entries of L to the power 1.5 [s], how many a static solution takes in bending,
+and what building takes for each unknown [s]: 9 s and 21 s of that cube."""
 
 
 def held_faces(mesh: SolidMesh) -> IndexArray:
@@ -106,46 +121,103 @@ def step_cost(scene: Scene) -> StepCost:
     return StepCost(simulation.unknowns, (thread_time() - start) / count, scene.dt)
 
 
-def relative_error(scene: Scene) -> tuple[float, int]:
-    """Return the estimated error of the mesh at rest, in parts of the largest displacement, and the unknowns.
+@dataclass(frozen=True)
+class Need:
+    """What a static solution takes, about: unknowns, entries of L, memory [B] and CPU time [s]."""
 
-    Raises SceneError and StepError as `spatial_error`.
+    unknowns: int
+    entries: float
+    memory: float
+    seconds: float
+
+
+def error_need(unknowns: int, fill: float = FILL) -> Need:
+    """Return what it takes to estimate the error of a mesh: the solution on a mesh twice as fine.
+
+    Args:
+        unknowns: Of the mesh.
+        fill: As `FILL`, of this part.
     """
-    found = spatial_error(scene)
-    return found.largest / found.moved, found.unknowns[0]
+    finer = 8 * unknowns
+    entries = fill * finer**1.5
+    seconds = FACTORISATIONS * FACTOR_TIME * entries**1.5 + BUILD_TIME * finer
+    return Need(finer, entries, solution_memory(entries), seconds)
+
+
+def solution_memory(entries: float) -> float:
+    """Return about the memory [B] of a static solution whose L has so many entries."""
+    return FEWEST_BYTES + ENTRY_BYTES * entries
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A mesh on the way to an accuracy: its size [m], its error (relative) and its unknowns."""
+    """A mesh on the way to an accuracy.
+
+    Attributes:
+        size: Length of an edge [m].
+        error: Estimated error, in parts of the largest displacement.
+        unknowns: Of the mesh.
+        edge: Mean edge [m].
+        fill: As `FILL`, of this part.
+    """
 
     size: float
     error: float
     unknowns: int
+    edge: float
+    fill: float = FILL
+
+
+def judged(scene: Scene, size: float, edge: float) -> Trial:
+    """Return the mesh of a part in a scene with its estimated error at rest.
+
+    Args:
+        scene: The part in it.
+        size: Length of an edge that was asked for [m].
+        edge: Mean edge of the mesh [m].
+
+    Raises:
+        SceneError, StepError: as `spatial_error`.
+    """
+    found = spatial_error(scene)
+    fill = found.entries / found.unknowns[1] ** 1.5 or FILL
+    return Trial(size, found.largest / found.moved, found.unknowns[0], edge, fill)
 
 
 def refined(
-    start: float, accuracy: float, most: int, error_of: Callable[[float], tuple[float, int]]
-) -> list[Trial]:
-    """Return the meshes that were tried, the last of them the one to take.
+    start: float, accuracy: float, most: int, room: float, trial_of: Callable[[float], Trial]
+) -> tuple[list[Trial], str]:
+    """Return the meshes that were tried, the last of them the one to take, and why there is no finer one.
 
     The error is taken to be proportional to the size, as that of `spatial_error`. The size falls until the error is
-    small enough, or the next mesh would have too many unknowns.
+    small enough; then the reason is empty. It is not empty where the next mesh would have too many unknowns, or the
+    estimate of its error would need too much memory or too large a factor.
 
     Args:
         start: Length of an edge of the first mesh [m].
         accuracy: Relative error that is enough.
         most: Unknowns of a mesh, at most.
-        error_of: Returns error and unknowns of the mesh of a size.
+        room: Memory that may be used [B].
+        trial_of: Returns the mesh of a size.
     """
-    trials = list[Trial]()
-    size = start
-    while True:
-        trials.append(Trial(size, *error_of(size)))
-        last = trials[-1]
-        if last.error <= accuracy:
-            return trials
+    trials = [trial_of(start)]
+    while (last := trials[-1]).error > accuracy:
         factor = max(LARGEST_CHANGE, MARGIN * accuracy / last.error)
-        if last.unknowns * factor**-2 > most:  # between the growth of a sheet and of a thick part
-            return trials
-        size *= factor
+        unknowns = round(last.unknowns * factor**-2)  # between the growth of a sheet and of a thick part
+        need = error_need(unknowns, last.fill)
+        if unknowns > most:
+            return (
+                trials,
+                f"a finer mesh would have more than {most} unknowns; allow more with --most-unknowns",
+            )
+        if need.memory > room or need.entries > LARGE:
+            finer = (
+                f"about {float(f'{need.unknowns:.2g}'):.0f} unknowns and {need.memory / 1e9:.2g} GB of memory"
+            )
+            free, used = f"{room / 1e9:.2g} GB", f"{solution_memory(LARGE) / 1e9:.2g} GB"
+            return trials, (
+                f"to estimate the error of a finer mesh takes a solution with {finer} ({free} are free, and at most "
+                f"{used} are used)"
+            )
+        trials.append(trial_of(min(last.size, PLAIN * last.edge) * factor))
+    return trials, ""

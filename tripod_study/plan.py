@@ -39,6 +39,7 @@ _ALL = (
     Knob("element", "mesh.element", "kind of element"),
     Knob("level", "mesh.level", "resolution of the mesh"),
     Knob("refine", "mesh.refine", "how many times every edge is halved"),
+    Knob("size", "mesh.size", "length of an edge of the mesh of a part [m]"),
     Knob("clamp", "clamp", "stiffness of the clamps' bedding [N/m⁴]; off: ideal, sharp clamps"),
     Knob("law", "material.law", "elastic law"),
     Knob("response", "contact.response", "multipliers or penalty"),

@@ -40,6 +40,7 @@ class SpatialError:
         efforts_computed: Computed torques [N m], shape (s,).
         unknowns: Of the mesh, and of that with every edge halved.
         moved: Largest computed displacement of a node from the undeformed shape [m].
+        entries: Of the factor L on the finer mesh; 0 where it was not factored by `Ldl`.
     """
 
     effector: FloatArray | None
@@ -52,6 +53,7 @@ class SpatialError:
     efforts_computed: FloatArray
     unknowns: tuple[int, int]
     moved: float
+    entries: int = 0
 
 
 def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialError:
@@ -106,6 +108,7 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         efforts_computed=coarse.efforts.copy(),
         unknowns=(coarse.unknowns, fine.unknowns),
         moved=float(np.linalg.norm(coarse.positions - coarse.mesh.nodes, axis=1).max()),
+        entries=getattr(fine._system.linear, "entries", 0),
     )
 
 

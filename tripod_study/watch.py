@@ -10,6 +10,7 @@ instants. Both are found by name in `OBSERVABLES` and `REDUCTIONS`: whoever meas
 import json
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from scipy.spatial import cKDTree
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.described import described_mesh
+from tripod_sim.mesh.embedding import in_solid
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene.script import script_of
 from tripod_sim.simulation import Simulation
@@ -34,7 +37,10 @@ INTERVAL, SAMPLES, SERVO, SLIDE, ROWS = (
 )  # fmt: skip
 """Time between observations [s], their number, the motion of the servos, and the rows as JSON."""
 
-GIVEN = (FILE, STATE, INTERVAL, SAMPLES, SERVO, SLIDE, ROWS)
+PROBE_SIZE = "watch.size"
+"""Length of an edge [m] of the mesh whose corners stand for a part in all its meshes."""
+
+GIVEN = (FILE, STATE, INTERVAL, SAMPLES, SERVO, SLIDE, ROWS, PROBE_SIZE)
 """What a task is told besides fields of the scene."""
 
 PROBES = 200
@@ -46,7 +52,7 @@ Look = Callable[[], Iterable[float]]
 
 def given(
     scene: str, rows: Mapping[str, str | list[str]], *, duration: float, interval: float, servo: str = "",
-    slide: str = "", state: str = "",
+    slide: str = "", state: str = "", size: float | None = None,
 ) -> dict[str, Value]:  # fmt: skip
     """Return what `task` is told of a motion.
 
@@ -57,13 +63,14 @@ def given(
         interval: Between observations [s].
         servo, slide: As `timeline.joint_timelines` reads them; empty: the scene's own motion.
         state: Digest of the scene's files.
+        size: As `PROBE_SIZE`; None: the meshes of the body refine each other.
 
     Raises:
         ValueError: an observable or a reduction is unknown.
     """
     for entry in rows.values():
         _parse(entry)
-    words = {STATE: state, SERVO: servo, SLIDE: slide}
+    words: dict[str, Value] = {STATE: state, SERVO: servo, SLIDE: slide, PROBE_SIZE: size or ""}
     return {
         FILE: scene,
         INTERVAL: interval,
@@ -152,13 +159,18 @@ def _mean(simulation: Simulation, words: str, settings: Settings) -> Look:
 
 
 def _marker(simulation: Simulation, words: str, settings: Settings) -> Look:
-    """Watch the mean position of a set of nodes, `marker SET`."""
+    """Watch the mean position of a set of nodes, `marker SET`; of a part, whose meshes differ, how far it moved."""
     number = [m.set for m in simulation.scene.marker].index(words)
+    if PROBE_SIZE in settings:
+        start = simulation.undeformed(number)
+        return lambda: simulation.markers[number] - start
     return lambda: simulation.markers[number]
 
 
 def _body(simulation: Simulation, words: str, settings: Settings) -> Look:
-    """Watch nodes that the mesh has however it is refined."""
+    """Watch nodes that the mesh has however it is refined; of a part how far fixed places in it moved."""
+    if PROBE_SIZE in settings:
+        return _places_of_part(simulation, settings)
     probes = _probes(simulation, settings)
     return lambda: simulation.positions[probes].ravel()  # noqa: PLW0108
 
@@ -240,9 +252,21 @@ def _probes(simulation: Simulation, settings: Settings) -> NDArray[np.int64]:
     return np.asarray(found, dtype=np.int64)
 
 
+def _places_of_part(simulation: Simulation, settings: Settings) -> Look:
+    """Watch how far places in a part moved: the same places in each of its meshes."""
+    size = float(settings[PROBE_SIZE])
+    fields = {k: v for k, v in settings.items() if k not in (*GIVEN, "mesh.element")}
+    places = _corners(str(settings[FILE]), json.dumps({**fields, "mesh.size": size}))
+    mesh = getattr(simulation.mesh, "soft", simulation.mesh)  # of a body beside rigid ones
+    # the surfaces of two meshes of a part are less than an edge apart
+    probes = in_solid(places, cast(SolidMesh, mesh), tolerance=size, name="place")
+    start = probes.places(mesh.nodes)
+    return lambda: np.ravel(probes.places(simulation.positions) - start)
+
+
 @cache
 def _corners(source: str, fields: str) -> FloatArray:
-    """Return corners of the scene's mesh as it is [m], shape (k, 3)."""
+    """Return corners of the scene's mesh with `fields` as JSON [m], shape (k, 3), k <= PROBES."""
     described = scene_of(source, json.loads(fields)).mesh
     assert described
     mesh = described_mesh(described)

@@ -2,19 +2,24 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from tests.messages import assert_names, line_naming
 from tests.sim.broken_surfaces import ball, box, write_stl
 from tests.sim.test_part_mesh import NOTCHED, gmsh, notched, tetwild
-from tripod_bringup.mesh_command import mesh_command
+from tripod_bringup.long_work import in_process
+from tripod_bringup.mesh_command import Options, mesh_command
+from tripod_sim.errors import StepError
+from tripod_sim.mesh.part import part as part_module
 from tripod_sim.mesh.read import read_solid
 
 
@@ -27,7 +32,7 @@ def run(part: Path, **options) -> int:
         "time_limit": 300.0,
     }
     given |= {"as_json": False, "quiet": False}
-    return mesh_command(part, **{**given, **options})
+    return mesh_command(Options(part, **{**given, **options}))
 
 
 @gmsh
@@ -42,7 +47,10 @@ def test_it_writes_the_mesh_and_a_picture_and_says_what_is_known(
     assert_names(line_naming(said.out, "mesh", "t10"), mesh.count, "gmsh")
     assert_names(line_naming(said.out, "volume"), f"{NOTCHED:.4g} mm³", "+0.00 %")
     assert_names(line_naming(said.out, "step"), "ms", "5 ms")
-    assert_names(line_naming(said.out, "faces"), "right", "more")
+    faces = line_naming(said.out, "faces")
+    assert_names(faces, "right", "more")
+    assert re.search(r"left at \(40, 8, 6\.\d+\)", faces), faces
+    assert re.search(r"below_2 at \(13\.3, 0, 6\)", faces), faces
     assert {"base", "tip"} <= set(mesh.groups)
     with Image.open(picture) as image:
         pixels = (
@@ -67,7 +75,47 @@ def test_it_refines_until_the_accuracy_is_met(tmp_path: Path, capsys: pytest.Cap
     said = capsys.readouterr()
     assert not json.loads(said.out)["reached"]
     assert_names(said.err, "0.0001 %", "1000", "--most-unknowns")
+    assert_names(line_naming(said.err, "estimating"), "GB", "unknowns", "16 mm")
     assert part.with_suffix(".vtu").is_file()
+
+
+@gmsh
+def test_an_error_whose_estimate_needs_too_much_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = notched(tmp_path)
+    monkeypatch.setattr(part_module, "free_memory", lambda: 0.45e9)  # enough for the mesher
+    assert run(part, accuracy=0.5) == 2
+    assert_names(capsys.readouterr().err, "0.45 GB", "16 mm", "--size")
+
+
+def rests(seconds: float) -> float:
+    time.sleep(seconds)
+    return seconds
+
+
+def fails() -> None:
+    raise StepError("it failed", "a remedy")
+
+
+def test_work_in_another_process_is_reported_each_second_and_ends_as_it_would_here() -> None:
+    said = list[tuple[float, float]]()
+    start = time.monotonic()
+    assert in_process(lambda taken: said.append((taken, time.monotonic() - start)), rests, 2.0) == 2.0
+    at = [when for _, when in said]
+    assert at[0] < 0.2
+    assert np.diff(at).max() < 1.0
+    assert said[-1][0] == pytest.approx(said[-1][1], abs=0.2)
+    with pytest.raises(StepError) as caught:
+        in_process(lambda taken: None, fails)
+    assert_names(caught.value, "it failed", "a remedy")
+    with pytest.raises(MemoryError) as killed:
+        in_process(lambda taken: None, kills_itself)
+    assert_names(killed.value, "-9")
+
+
+def kills_itself() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @gmsh

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from tests.messages import assert_names
 from tests.sim.broken_surfaces import ball, box, surfaces, turned, write_stl
@@ -51,6 +53,13 @@ def notched(folder: Path) -> Path:
     found = runpy.run_path(str(ROOT / "examples" / "own_part.py"))
     path = folder / "notched.step"
     path.write_text(found["step_text"](*found["prism"](found["outline"]())))
+    return path
+
+
+def bar(folder: Path) -> Path:
+    """Return a STEP file of a bar of 40 x 16 x 12 mm; the faces at its ends are `base` and `tip`."""
+    found, path = runpy.run_path(str(ROOT / "examples" / "own_part.py")), folder / "bar.step"
+    path.write_text(found["step_text"](*found["prism"](np.array([[0, 0], [40, 0], [40, 12], [0, 12]]))))
     return path
 
 
@@ -290,6 +299,61 @@ def test_a_step_file_without_a_solid_is_refused(change, names: tuple[str, ...], 
     with pytest.raises(SceneError) as caught:
         mesh_part(path, PartSettings(0.006), "PART")
     assert_names(caught.value, *names)
+
+
+@gmsh
+@pytest.mark.parametrize("size", [0.012, 0.008, 0.004])
+def test_edges_are_as_long_as_the_size_also_where_that_is_a_large_part_of_the_part(
+    size: float, tmp_path: Path
+) -> None:
+    found = mesh_part(bar(tmp_path), PartSettings(size), "PART").mesh
+    corners = found.nodes[found.elements[:, :4]]
+    edges = np.linalg.norm(corners[:, [0, 0, 0, 1, 1, 2]] - corners[:, [1, 2, 3, 2, 3, 3]], axis=2)
+    assert edges.max() > 0.8 * size
+    assert 0.6 * size < np.median(edges) < 1.1 * size
+
+
+def two_bars(folder: Path, gap: float) -> Path:
+    """Return a STEP file of the bar of `bar`, and of a second one like it beyond a gap [mm] in X."""
+    example, path = runpy.run_path(str(ROOT / "examples" / "own_part.py")), folder / "two.step"
+    points, faces = example["prism"](np.array([[0, 0], [40, 0], [40, 12], [0, 12]]))
+    first = example["step_text"](points, faces)
+    second = example["step_text"](
+        points + np.array([40 + gap, 0, 0]), {f"second {name}": f for name, f in faces.items()}
+    )
+    kept = re.findall(r"^#(?:1[3-9]|[2-9]\d|\d{3,})=.*;$", second, re.M)
+    moved = [
+        re.sub(r"#(\d+)", lambda m: m[0] if int(m[1]) < 13 else f"#{int(m[1]) + 5000}", line) for line in kept
+    ]
+    path.write_text(first.replace("ENDSEC;\nEND-ISO", "\n".join(moved) + "\nENDSEC;\nEND-ISO"))
+    return path
+
+
+def _is_end(part: PartMesh, rows: np.ndarray) -> bool:
+    return bool((part.mesh.nodes[rows][..., 0] > part.mesh.nodes[:, 0].max() - 1e-9).all())
+
+
+@gmsh
+@pytest.mark.parametrize(("gap", "pieces", "length"), [(0.0, 1, 80.0), (-5.0, 1, 75.0), (5.0, 2, 80.0)])
+def test_solids_that_touch_or_overlap_become_one_body(
+    gap: float, pieces: int, length: float, tmp_path: Path
+) -> None:
+    found = mesh_part(two_bars(tmp_path, gap), PartSettings(0.008), "PART")
+    assert found.volume == pytest.approx(length * 16 * 12 * 1e-9, rel=1e-6)
+    assert len(np.unique(found.mesh.nodes.round(9), axis=0)) == len(found.mesh.nodes)
+    edges = found.mesh.elements[:, [0, 1, 2]], found.mesh.elements[:, [1, 2, 3]]
+    graph = coo_matrix(
+        (np.ones(edges[0].size), (edges[0].ravel(), edges[1].ravel())), 2 * (len(found.mesh.nodes),)
+    )
+    corners = np.unique(found.mesh.elements[:, :4])
+    assert len(np.unique(connected_components(graph, directed=False)[1][corners])) == pieces
+    name = "second tip" if pieces == 2 else next(f for f, rows in found.faces.items() if _is_end(found, rows))
+    assert name.startswith("face:") == (pieces == 1) == ("solids" in " ".join(found.notes))
+    end = found.mesh.nodes[found.mesh.groups[name], 0]
+    assert end == pytest.approx(1e-3 * (80 + gap), abs=1e-9)
+    boundary = {tuple(sorted(row)) for faces in found.mesh.boundary for row in faces.nodes.tolist()}
+    named = {tuple(sorted(row)) for rows in found.faces.values() for row in rows.tolist()}
+    assert named == boundary
 
 
 @gmsh

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.scenes import held_bar
 from tripod_host.rotations import rotation_matrix
 from tripod_sim import Simulation, load_scene
 from tripod_sim.forces import solid_arrays
@@ -13,39 +14,12 @@ from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.turning import Rotations
 from tripod_sim.steps import steppers
 
-BEAM = """
-name = "beam"
-dt = 0.01
-[mesh]
-source = "block"
-element = "t4"
-cells = [14, 2, 2]
-corners = [[0, 0, 0], [0.2, 0, 0], [0.2, 0.02, 0], [0, 0.02, 0],
-           [0, 0, 0.02], [0.2, 0, 0.02], [0.2, 0.02, 0.02], [0, 0.02, 0.02]]
-[material]
-young = 250e3
-poisson = 0.45
-density = 1070
-[gravity]
-[inertia]
-[damping]
-stiffness = 0.01
-[[set]]
-name = "root"
-high = [0, 1, 1]
-[[set]]
-name = "tip"
-low = [0.2, -1, -1]
-[[fixed]]
-set = "root"
-"""
-
 
 @pytest.fixture
 def beam(tmp_path: Path):
     """Return what builds the beam, with overrides."""
     path = tmp_path / "beam.toml"
-    path.write_text(BEAM)
+    path.write_text(held_bar((14, 2, 2)))
     return lambda *words: Simulation(load_scene(str(path), list(words)))
 
 

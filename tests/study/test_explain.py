@@ -12,14 +12,17 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.messages import assert_names, line_naming, names, raises_naming
-from tests.scenes import SHARP
+from tests.scenes import SHARP, held_bar
 from tripod_bringup.cli import app
 from tripod_bringup.explain_command import show
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects import EFFECTS
-from tripod_sim.scene.file import scene_names
+from tripod_sim.linear import choice
+from tripod_sim.linear.ldl import Ldl
+from tripod_sim.scene.file import scene_from_toml, scene_names
 from tripod_study.explain import sampling
 from tripod_study.explain.costs import Cost, cost, from_itself, switched_on
+from tripod_study.explain.linear import LinearUse, linear_use
 from tripod_study.explain.memory import Size, memory, size
 from tripod_study.explain.objects import owned, walk
 from tripod_study.explain.report import Explanation, Stage, _in_place, explain
@@ -194,6 +197,52 @@ def test_sizes_are_those_of_the_matrices() -> None:
     assert found.factor_entries > found.nonzeros / 2
 
 
+def solved(*words: str) -> tuple[Simulation, LinearUse | None]:
+    """Return a falling bar of tetrahedra after 12 steps, and how they solved their linear systems."""
+    simulation, reports = Simulation(scene_from_toml(held_bar((14, 2, 2)), words)), []
+    for _ in range(12):
+        simulation.step()
+        reports.append(simulation.report)
+    return simulation, linear_use(simulation, reports)
+
+
+def test_the_linear_solver_is_told_with_its_work() -> None:
+    simulation, use = solved()
+    assert use is not None
+    system = simulation._system
+    entries = Ldl(system.reduction.pattern).entries
+    assert (use.solver, use.entries, use.iterations) == ("ldl", entries, 0.0)
+    assert_names(use.reuse, "L-BFGS")
+    assert 0 < use.hessians < 0.5 < use.solutions
+    assert 8 * entries < use.memory < sum(memory(simulation).values())
+    _, newton = solved("mesh.element=h8_modes")
+    assert newton is not None
+    assert use.hessians < newton.hessians
+    assert not names(newton.reuse, "L-BFGS")
+
+
+def test_iterations_are_told_of_conjugate_gradients_and_the_factor_that_they_spare(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, direct = solved()
+    _, named = solved("solver.linear=cg")
+    monkeypatch.setattr(choice, "SMALL", 100)
+    monkeypatch.setattr(choice, "LARGE", 1000)
+    _, large = solved()
+    assert direct and named and large
+    assert (named.solver, large.solver) == ("cg", "cg")
+    assert large.iterations == named.iterations > 10 * large.solutions
+    assert large.entries == named.entries == direct.entries
+    assert large.memory < direct.memory
+    assert_names(named.why, "solver.linear", "cg")
+    assert_names(large.why, "auto", "0.001 million")
+    assert_names(direct.why, "auto", "1 million")
+
+
+def test_an_explicit_scheme_solves_no_linear_system() -> None:
+    assert solved("inertia.scheme=semi_implicit_euler", "dt=1e-4", "mesh.cells=[4,1,1]")[1] is None
+
+
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few steps, so that tests are quick; what they find is the same."""
@@ -321,7 +370,8 @@ def test_a_difference_within_its_noise_is_told_as_below_that_and_a_larger_one_as
 def explain_scene() -> Explanation:
     times, scene = StepTimes(1e-3, 1e-5), load_scene("silicone")
     size = Size(unknowns=3, nodes=3, elements=1, nonzeros=0, factor_entries=0)
-    return Explanation(scene, 1.0, 0.0, 4, times, (Stage("other", 1e-3),), 1e-3, None, {}, size, (), (), ())
+    stages = (Stage("other", 1e-3),)
+    return Explanation(scene, 1.0, 0.0, 4, times, stages, 1e-3, None, {}, size, None, (), (), ())
 
 
 @pytest.mark.usefixtures("short")
@@ -373,10 +423,13 @@ def test_the_command_prints_tables_or_json() -> None:
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
     assert_names(done.stdout, "elastic forces", "unknowns", "all arrays")
+    line_naming(done.stdout, "linear solver", "ldl", "solutions", "MB")
     line_naming(done.stdout, "effects", "gravity", "inertia", "damping", "servos", "clamp", "effector")
     done = CliRunner().invoke(app, [*words, "--json"])
     table = json.loads(done.stdout)
     assert table["scene"] == "tripod"
+    assert table["linear"]["solver"] == "ldl"
+    assert table["linear"]["solutions"] > 0
     assert table["first"] == pytest.approx(0.02)
     assert sum(s["share"] for s in table["stages"]) == pytest.approx(1.0)
     assert table["memory"]["total"] == sum(table["memory"]["parts"].values())

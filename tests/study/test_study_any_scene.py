@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from tests.messages import assert_names, names, raises_naming
-from tripod_sim import SceneError, load_scene
+from tests.sim.test_part_mesh import bar, gmsh
+from tests.sim.test_part_mesh import notched as finger
+from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.mesh.part.part import mean_edge
 from tripod_sim.scene.file import scene_text
 from tripod_study import any_scene
 from tripod_study.accuracy.choice import choose
@@ -159,6 +162,58 @@ def test_what_cannot_be_studied_is_told_in_one_line(subject: Subject, named: tup
     with raises_naming(SceneError, *named) as error:
         plan(subject, quick=True)
     assert "\n" not in str(error.value)
+
+
+def part_scene(folder: Path, size: float, *, notched: bool) -> str:
+    """Write the scene of a part that is held at its base and hangs, filled with edges of `size` [m]."""
+    part = finger(folder) if notched else bar(folder)
+    path = folder / "part.toml"
+    path.write_text(
+        f'name = "part"\ndt = 0.01\nduration = 0.05\n[mesh]\nsource = "{part.name}"\nsize = {size}\n[material]\n'
+        'young = 3e4\ndensity = 1070\n[gravity]\n[inertia]\n[[fixed]]\nset = "base"\n[[marker]]\nset = "tip"\n'
+    )
+    return str(path)
+
+
+@gmsh
+def test_the_mesh_of_a_part_is_made_again_finer_and_coarser(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(any_scene, "QUICK_BUDGET", 2.0)
+    scene = part_scene(tmp_path, 0.012, notched=False)
+    study = plan(Subject(scene), quick=True)
+    assert study.default["mesh.size"] == 0.012
+    assert "mesh.refine" not in study.default
+    edge = mean_edge(Simulation(load_scene(scene)).mesh)
+    coarse, fine = study.references[0].rungs(study.default)
+    assert (coarse["mesh.size"], fine["mesh.size"]) == (0.012, pytest.approx(edge / 2, rel=1e-3))
+    assert {p.settings["mesh.size"] for p in study.points} == {0.012, 0.01692, 0.024}
+    assert [q.name for q in study.quantities] == ["marker tip", "body"]
+    result = made(study)
+    rows = [row for row in result["points"] if row["settings"]["inertia.scheme"] == "tr_bdf2"]  # type: ignore[attr-defined]
+    errors = {(row["settings"]["mesh.size"], row["settings"]["dt"]): row["error"] for row in rows}
+    for dt in (0.01, 0.005):
+        assert errors[0.024, dt] > errors[0.012, dt] > 0
+    own = result["reference"]["own_error"]  # type: ignore[index]
+    assert 0 < own < 0.1
+    rows = task(study.told(study.default)).observed["body"]
+    assert np.abs(rows[0]).max() == 0 < np.abs(rows[-1]).max(), "told by how far places moved"
+    path = tmp_path / "study.json"
+    path.write_text(json.dumps(result))
+    cheap = choose(scene, "budget 300%", study=path, speed=lambda: 0.04)
+    assert not cheap.outside
+    assert cheap.settings["mesh.size"] in (0.012, 0.01692, 0.024)
+
+
+@gmsh
+def test_a_larger_size_is_no_point_where_features_make_the_mesh_as_fine_as_it_is(tmp_path: Path) -> None:
+    scene = part_scene(tmp_path, 0.04, notched=True)
+    study = plan(Subject(scene, duration=0.01), quick=True)
+    edge = mean_edge(Simulation(load_scene(scene)).mesh)
+    assert edge < 0.01, "features make it finer than the size"
+    _, fine = study.references[0].rungs(study.default)
+    assert fine["mesh.size"] <= (1 + 1e-3) * edge / 2
+    assert {s for p in study.points if (s := p.settings["mesh.size"]) >= 0.04} == {0.04}
 
 
 def test_a_marker_is_what_the_errors_are_of(tmp_path: Path) -> None:

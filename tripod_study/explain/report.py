@@ -1,7 +1,7 @@
 """`explain`: the stages of one step and what each costs, memory, sizes, and what is switched off."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import thread_time
 
@@ -10,10 +10,12 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.effects import EFFECTS, absent, named
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.scene import Scene
 from tripod_sim.scene.file import load_scene, naming_file
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.costs import FEWEST, PATIENCE, Cost, cost, from_itself
+from tripod_study.explain.linear import LinearUse, linear_use
 from tripod_study.explain.memory import Size, memory, size
 from tripod_study.explain.sampling import ROUNDS, Sampler, StepTimes, estimate, steps_ahead
 from tripod_study.explain.stages import LOOP, OTHER, time_stages
@@ -56,6 +58,7 @@ class Explanation:
         looped: What a step takes when many are made in one call [s]; None where they cannot be.
         memory: Bytes of the arrays of each part.
         size: Unknowns, nodes, elements, nonzeros.
+        linear: The linear solver of the steps; None where they solve no linear system.
         notes: What users should know of the scene.
         named: Effects of the scene.
         absent: Effects that it does not name, with what they would cost; empty where that was not asked for.
@@ -71,6 +74,7 @@ class Explanation:
     looped: float | None
     memory: dict[str, int]
     size: Size
+    linear: LinearUse | None
     notes: tuple[str, ...]
     named: tuple[str, ...]
     absent: tuple[Cost, ...]
@@ -115,6 +119,8 @@ def explain(
     sampler = Sampler(simulation)
     tell(0.2, "timing the stages")
     step, stages, timed, looped = _stages(sampler)
+    reports = list[StepReport]()
+    sampler.one_pass(lambda: reports.append(replace(simulation.report)))
     found: list[Cost] = []
     missing = absent(scene) if costs else []
     alone = build + FEWEST * (sampler.count + 1) * step.mean
@@ -128,7 +134,8 @@ def explain(
     tell(1.0, "")
     return Explanation(
         scene, build, steps * scene.dt, sampler.count, step, stages, timed, looped, memory(simulation),
-        size(simulation), (*simulation.notes, *_seldom(scene)), tuple(named(scene)), tuple(found),
+        size(simulation), linear_use(simulation, reports[1:]), (*simulation.notes, *_seldom(scene)),
+        tuple(named(scene)), tuple(found),
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.write import check_writable, write_mesh
 from tripod_sim.tables.bodies import AUTO
 
-VERSION = 1
+VERSION = 2
 """Of what makes meshes of parts; another one makes them again, under other names."""
 
 FIELD = "mesh.source"

@@ -33,13 +33,16 @@ SMALLEST, LARGEST = 1e-5, 100.0
 """Extents of a part [m]; beyond them its unit is taken to be wrong."""
 
 SHARE = 8.5
-"""Tetrahedra in a cube with sides of one edge length."""
+"""Regular tetrahedra in the volume of a cube whose sides are as long as their edges."""
 
 MOST_CELLS = 1_000_000
 """Of a mesh."""
 
-CELL_BYTES, BASE_BYTES = 8e3, 3e8
-"""Memory of a mesher for each tetrahedron, and for itself [B]: a guess, far above the 250 MB of 35,000 tetrahedra."""
+CELL_BYTES, BASE_BYTES = 1.6e3, 4e8
+"""Memory of meshing for each tetrahedron expected, and without any [B]: of the mesher's process and of the one that
+waits for it and checks the mesh, together. Measured by benchmarks/mesher_memory.py: by gmsh 285 MB (bar, 4722 of them
+expected), 385 MB (notched finger, 192,744), 541 MB (beam, 330,418); by fTetWild 371 MB (ball, 4424), 388 MB (box,
+29,514), 400 MB (ball, 48,768). That grows by 0.8 kB for each; twice that is taken."""
 
 LEAST_QUALITY = 0.01
 """Of an element, the smallest scaled Jacobian: flatter ones make steps fail."""
@@ -139,6 +142,10 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
             f"{less} nodes are not quite on the surface, because elements would bend too much there; a smaller size "
             "avoids it"
         )
+    if facts.get("joined"):
+        notes.append(
+            "solids touch or overlap and became one body; its faces have numbers instead of their names"
+        )
     check_mesh(mesh, name)
     quality = element_quality(mesh)
     if (worst := float(quality.min())) < LEAST_QUALITY:
@@ -168,6 +175,14 @@ def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda 
     return PartMesh(
         replace(mesh, groups=groups), faces, tool, before, volume, float(facts["distance"]), quality, tuple(notes)
     )  # fmt: skip
+
+
+def mean_edge(mesh: SolidMesh) -> float:
+    """Return the length of an edge [m] of a regular tetrahedron that is as large as those of a mesh on average.
+
+    Where a part has small features, a mesh of it has shorter edges than the size that was asked for.
+    """
+    return float((SHARE * solid_volumes(mesh).sum() / mesh.count) ** (1 / 3))
 
 
 def part_extent(path: Path, settings: PartSettings, field: str, say: Say = lambda _: None) -> float:
@@ -339,13 +354,13 @@ def _fill_cad(path: Path, settings: PartSettings, name: str, say: Say) -> Filled
     corners = 3 if settings.element == "t4" else 6
     names = face_names(path)
     tags = np.unique(made["faces"])
-    known = len(names) == int(tags.max())
+    known = len(names) == int(tags.max()) and not made["joined"]
     faces: dict[str, IndexArray] = {}
     for tag in tags.tolist():
         rows = number[made["triangles"][made["faces"] == tag][:, :corners]]
         key = (names[tag - 1] if known else "") or f"face:{tag}"
         faces[key] = np.concatenate([faces[key], rows]) if key in faces else rows
-    return (mesh, less), faces, {"volume": made["volume"], "distance": made["distance"]}
+    return (mesh, less), faces, {key: made[key] for key in ("volume", "distance", "joined")}
 
 
 def tetrahedra(points: FloatArray, cells: IndexArray) -> SolidMesh:

@@ -6,50 +6,37 @@ reason instead. The program ends with the process PARENT.
 """
 
 import importlib.util
-import os
-import signal
 import sys
 from types import ModuleType
 
 import numpy as np
 
-from tripod_host.parent import die_with_parent
+from tripod_host.parent import helped
 
 MANY = 100_000
 """Triangles from which on the surface is simplified first: below that, it takes longer than it saves."""
 
 
-def main(parent: str, source: str, target: str) -> int:
-    """Read, fill, write; return the exit code."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # compiled code would not hear of Python's handler
-    die_with_parent(int(parent))
-    answer = os.dup(1)
-    os.dup2(2, 1)  # what the library prints goes to standard error
-    try:
-        with np.load(source, allow_pickle=False) as given:
-            points, triangles = given["points"], given["triangles"]
-            size, distance = float(given["size"]), float(given["distance"])
-        if (
-            importlib.util.find_spec("pyvista") is None
-        ):  # which it imports for its pictures, and does not require
-            sys.modules["pyvista"] = ModuleType("pyvista")
-        from pytetwild import tetrahedralize  # noqa: PLC0415 - an optional package
+def work(source: str, target: str) -> None:
+    """Read, fill, write."""
+    with np.load(source, allow_pickle=False) as given:
+        points, triangles = given["points"], given["triangles"]
+        size, distance = float(given["size"]), float(given["distance"])
+    if importlib.util.find_spec("pyvista") is None:  # which it imports for its pictures, and does not require
+        sys.modules["pyvista"] = ModuleType("pyvista")
+    from pytetwild import tetrahedralize  # noqa: PLC0415 - an optional package
 
-        diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-        nodes, cells = tetrahedralize(
-            points,
-            triangles.astype(np.int32),
-            edge_length_abs=size,
-            epsilon=distance / diagonal,
-            simplify=len(triangles) > MANY,
-            num_threads=1,  # with more it makes another mesh each time
-        )
-        np.savez(target, points=nodes, cells=cells.astype(np.int64))
-    except Exception as error:  # noqa: BLE001 - whatever a library meets in a surface that is broken
-        os.write(answer, f"{type(error).__name__}: {error}".encode())
-        return 1
-    return 0
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    nodes, cells = tetrahedralize(
+        points,
+        triangles.astype(np.int32),
+        edge_length_abs=size,
+        epsilon=distance / diagonal,
+        simplify=len(triangles) > MANY,
+        num_threads=1,  # with more it makes another mesh each time
+    )
+    np.savez(target, points=nodes, cells=cells.astype(np.int64))
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(helped(int(sys.argv[1]), lambda: work(*sys.argv[2:])))
