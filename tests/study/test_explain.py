@@ -215,7 +215,7 @@ def test_the_linear_solver_is_told_with_its_work() -> None:
     assert_names(use.reuse, "L-BFGS")
     assert 0 < use.hessians < 0.5 < use.solutions
     assert 8 * entries < use.memory < sum(memory(simulation).values())
-    _, newton = solved("mesh.element=h8_modes")
+    _, newton = solved("time_error={}")
     assert newton is not None
     assert use.hessians < newton.hessians
     assert not names(newton.reuse, "L-BFGS")
@@ -230,8 +230,9 @@ def test_iterations_are_told_of_conjugate_gradients_and_the_factor_that_they_spa
     monkeypatch.setattr(choice, "LARGE", 1000)
     _, large = solved()
     assert direct and named and large
-    assert (named.solver, large.solver) == ("cg", "cg")
-    assert large.iterations == named.iterations > 10 * large.solutions
+    assert (named.solver, large.solver) == ("cg", "multigrid" if find_spec("pyamg") else "cg")
+    assert named.iterations > 10 * named.solutions
+    assert (large.iterations == named.iterations) == (large.solver == "cg")
     assert large.entries == named.entries == direct.entries
     assert large.memory < direct.memory
     assert_names(named.why, "solver.linear", "cg")

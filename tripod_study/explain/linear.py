@@ -12,6 +12,7 @@ from tripod_sim.integrators.quasi_newton import QuasiNewton
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.linear import choice
 from tripod_sim.linear.ldl import Ldl
+from tripod_sim.linear.multigrid import Multigrid
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.simulation import Simulation
 from tripod_study.explain.objects import walk
@@ -31,14 +32,14 @@ class LinearUse:
     """How the steps of a simulation solve their linear systems.
 
     Attributes:
-        solver: `ldl` or `cholmod`, which factor, or `cg`, which iterates.
+        solver: `ldl` or `cholmod`, which factor, or `cg` or `multigrid`, which iterate.
         why: Why it is this one, in words.
-        entries: Of the factor L; of `cholmod` about as many, of `cg` those that L would have. None: not counted.
+        entries: Of the factor L; of `cholmod` about as many, of those that iterate what L would have. None: not counted.
         memory: Of these solvers, with their factors [B].
         reuse: How a Hessian serves several solutions, in words; empty with contact.
         solutions: Of linear systems in an average step.
         hessians: Assembled and factored in an average step; `cg` factors its preconditioner alone.
-        iterations: Of conjugate gradients in an average step; 0 of direct solvers.
+        iterations: Of those that iterate, in an average step; 0 of direct solvers.
     """
 
     solver: str
@@ -63,7 +64,7 @@ def linear_use(simulation: Simulation, reports: Sequence[StepReport]) -> LinearU
     if not solvers:
         return None
     used = max(solvers, key=lambda solver: len(solver._data))  # of contact the one with all bodies
-    name = "cg" if used.iterates else type(used).__name__.lower()
+    name = "cg" if used.iterates and not isinstance(used, Multigrid) else type(used).__name__.lower()
     nets, contact = simulation._model.only_springs, bool(simulation._model.contact)
     entries = used.entries if isinstance(used, Ldl) else None
     if entries is None and not nets:
@@ -105,7 +106,7 @@ def _why(name: str, wanted: str, *, nets: bool, contact: bool, entries: int) -> 
         why = f"auto takes it for nets of more than {choice.LARGE_NET} unknowns"
     elif nets:
         why = f"auto factors nets of at most {choice.LARGE_NET} unknowns"
-    elif name == "cg":
+    elif name in ("cg", "multigrid"):
         why = f"auto takes it above {large}, whose factorisation takes longer"
     elif entries <= choice.SMALL:
         why = f"auto takes it up to {small}, where it is the fastest"
