@@ -928,6 +928,35 @@ def saved_words(opened: Opened) -> str:
     return opened.page.evaluate("window.written")
 
 
+def assert_forces_are_those_of_now(
+    opened: Opened, stage: Stage, publish: Callable[[], None], load: Forces
+) -> None:
+    """Forces have the size and the scale of now, those of before a reset are forgotten."""
+
+    def squares() -> float:
+        """Return force over length of an arrow as the legend tells it [N/mm]."""
+        found = re.search(r"([\d.]+) mm = ([\d.e-]+) N", opened.page.locator("#arrows").inner_text())
+        return float(found[2]) / float(found[1]) if found else float("nan")
+
+    def told(force: float) -> bool:
+        load.vectors = array("d", [0.0, 0.0, -force])
+        publish()
+        opened.page.wait_for_timeout(100)
+        return f"now {force:g} N" in opened.page.locator("#arrows").inner_text()
+
+    before = squares()
+    stage.wait(lambda: told(2.0))
+    assert squares() == before, "a scale that changes each time cannot be read"
+    stage.wait(lambda: told(0.025))
+    assert squares() == pytest.approx(0.01 * before, rel=0.1)
+    stage.sim.state, stage.sim.began = SimStatus.PAUSED, time.monotonic()  # a reset
+    opened.wait("document.querySelector('#arrows label').hidden")
+    opened.wait("document.querySelector('#arrows').dataset.note.includes('next step')")
+    stage.sim.state = SimStatus.RUNNING
+    stage.wait(lambda: told(2.5))
+    stage.sim.began = 0.0
+
+
 def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, browser: Any) -> None:
     show(stage.sim, "silicone")
     topic = names.field_topic("von_mises")
@@ -967,9 +996,10 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         assert page.locator("#arrows").is_hidden()
         opened.press("Forces")
         until(opened, lambda: forces.publish(load), "document.querySelector('#arrows input')")
-        opened.text("#arrows", "load", "2.5 N")
+        opened.text("#arrows", "load", "now 2.5 N")
         assert re.search(r"mm = [\d.]+ N", page.locator("#arrows").inner_text())
         assert page.locator("#arrows input").is_checked()
+        assert_forces_are_those_of_now(opened, stage, lambda: forces.publish(load), load)
         written = saved_words(opened)
         messages.assert_names(
             written, "von Mises", "Pa", "100", "9 kPa", "load", "2.5 N", "silicone", "0.000 s"

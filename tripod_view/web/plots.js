@@ -14,13 +14,6 @@ const PARTS = ["kinetic", "strain", "gravity"]; // of the total energy
 const jointKinds = () => (value("scene")?.joints ? value("kinds") ?? [] : []);
 const fieldOf = (field) => value("fields")?.find(({ name }) => name === field) ?? { label: field, unit: "" };
 
-// Length of the largest of some vectors, 3 numbers each; 0 without any.
-function largest(vectors) {
-  let most = 0;
-  for (let i = 0; i < vectors.length; i += 3) most = Math.max(most, Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]));
-  return most;
-}
-
 // What can be plotted now, each [title, name, unit, value, group of the list]; `view`: of the scene, or null.
 function quantities(view) {
   const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
@@ -65,7 +58,7 @@ function quantities(view) {
   add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
   add("contact distances", "error", "mm", figures?.contact_error, 1e3);
   group = "forces";
-  for (const { name, unit, vectors, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest(vectors));
+  for (const { name, unit, largest, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest);
   for (const { name, part, node } of picked) {
     const title = `${name}, node ${node}`, place = view.vertex(part, node), rest = place && view.rest(part, node);
     group = title;
