@@ -928,6 +928,42 @@ def saved_words(opened: Opened) -> str:
     return opened.page.evaluate("window.written")
 
 
+def assert_the_legend_of_a_picture_fits(opened: Opened, whole: str) -> None:
+    """All that is written is inside a picture of a phone, on a ground; what does not fit is counted."""
+    ends = opened.page.evaluate(
+        """async () => {
+            const { prototype } = CanvasRenderingContext2D, { fillText, fillRect } = prototype, texts = [], grounds = [];
+            prototype.fillText = function (text, x, y) {
+                if (this.textAlign !== "center") texts.push([text, x, x + this.measureText(text).width, y]);
+                fillText.call(this, text, x, y);
+            };
+            prototype.fillRect = function (x, y, w, h) {
+                if (this.fillStyle.startsWith("rgba")) grounds.push([x, x + w, y, y + h]);
+                fillRect.call(this, x, y, w, h);
+            };
+            const groups = Array.from({ length: 12 }, (_, i) =>
+                ({ text: `normal force on body ${i} by plate: 10 mm = 0.53 N, now 0.025 N`, colour: "#555555" }));
+            const canvas = document.createElement("canvas"), drawn = Object.assign(canvas, { width: 420, height: 320 });
+            const one = { render() {}, canvas: drawn, ratio: 1, captions: () => [] };
+            await View.prototype.screenshot.call(one, "#edf1f4", ["tripod, 0.1 s"], null, groups);
+            Object.assign(prototype, { fillText, fillRect });
+            return { texts, grounds };
+        }"""
+    )
+    ((left, right, top, bottom),) = ends["grounds"]
+    assert left >= 0
+    assert right <= 420
+    assert bottom <= 320
+    assert top >= 0.4 * 320, "the scene is seen"
+    for text, start, end, y in ends["texts"]:
+        assert (left <= start, end <= right, top <= y - 8, y <= bottom) == (True,) * 4, text
+    told = " ".join(text for text, *_ in ends["texts"])
+    bodies = len(set(re.findall(r"on body \d+", told)))
+    assert bodies >= 4
+    messages.assert_names(told, f"and {12 - bodies} more", "tripod")
+    assert "more" not in whole
+
+
 def assert_forces_are_those_of_now(
     opened: Opened, stage: Stage, publish: Callable[[], None], load: Forces
 ) -> None:
@@ -1005,6 +1041,7 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
             written, "von Mises", "Pa", "100", "9 kPa", "load", "2.5 N", "silicone", "0.000 s"
         )
         assert " x " in written, "the labels over the picture"
+        assert_the_legend_of_a_picture_fits(opened, written)
         page.locator("#arrows input").uncheck()
         assert "2.5 N" not in saved_words(opened)
         opened.press("Forces")
