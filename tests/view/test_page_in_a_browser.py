@@ -696,9 +696,8 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
         page.keyboard.press("?")
         opened.wait("document.querySelector('#sheet').open")
         page.locator("#stop").click()  # works also now
-        stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
-        page.keyboard.press("?")
-        opened.wait("!document.querySelector('#sheet').open")
+        stage.wait(lambda: stage.mode() and stage.mode()[0] == ControlMode.STOP)
+        assert_escape_closes_the_sheet_first(opened, stage)
         stage.wait(
             lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or page.locator("#follow option").count() == 3
         )
@@ -708,6 +707,28 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
         stage.wait(lambda: place(opened, "servo 0") != before)
         assert opened.errors == []
     stage.sim.publish_game(False)
+
+
+def assert_escape_closes_the_sheet_first(opened: Opened, stage: Stage) -> None:
+    """Escape closes the sheet of keys, and stops if none is open; Space always stops; `?` closes the sheet, too."""
+    page, is_open = opened.page, "document.querySelector('#sheet').open"
+    opened.wait(is_open)
+    page.locator("#help").click()
+    opened.wait(f"!{is_open}")
+    for key, mode in (("Escape", ControlMode.TELEOP), (" ", ControlMode.STOP)):
+        page.keyboard.press("t")
+        stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
+        page.locator("#help").click()
+        opened.wait(is_open)
+        page.keyboard.press(key)
+        page.wait_for_timeout(1000)
+        assert (page.evaluate(is_open), stage.mode()[0]) == (key == " ", mode)
+        page.keyboard.press("Escape")
+        opened.wait(f"!{is_open}")
+    page.keyboard.press("t")
+    stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
+    page.keyboard.press("Escape")
+    stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
 
 
 def pick(opened: Opened) -> str:
@@ -736,8 +757,12 @@ def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, bro
         assert (np.linalg.norm(nodes - lines["centre"], axis=1) < lines["radius"]).nonzero()[0].tolist() == [
             node
         ]
+        before = len(stage.sim.modes)
+        opened.page.keyboard.press("Escape")
+        opened.wait("document.querySelector('#set').hidden")
         opened.press("Plot")
         opened.text("#plots", f"{found[1]}, node {node}")
+        assert len(stage.sim.modes) == before, "Escape stopped"
         headings = "[...document.querySelectorAll('.plot h2')].map((e) => e.firstChild.textContent)"
         opened.wait(f"{headings}.includes('energies [mJ]')")
         assert not [text for text in opened.page.evaluate(headings) if "servo" in text], "it has none"
@@ -932,7 +957,8 @@ def assert_the_legend_of_a_picture_fits(opened: Opened, whole: str) -> None:
     """All that is written is inside a picture of a phone, on a ground; what does not fit is counted."""
     ends = opened.page.evaluate(
         """async () => {
-            const { prototype } = CanvasRenderingContext2D, { fillText, fillRect } = prototype, texts = [], grounds = [];
+            const { prototype } = CanvasRenderingContext2D, { fillText, fillRect } = prototype;
+            const texts = [], grounds = [];
             prototype.fillText = function (text, x, y) {
                 if (this.textAlign !== "center") texts.push([text, x, x + this.measureText(text).width, y]);
                 fillText.call(this, text, x, y);

@@ -68,7 +68,12 @@ function cameraActions(view) {
 // Opens or closes the sheet of keys; `modal`: the rest of the page cannot be used meanwhile.
 function toggleSheet(modal) {
   const sheet = byId("sheet");
-  if (sheet.open) sheet.close(); else if (modal) sheet.showModal(); else sheet.show();
+  if (sheet.open) sheet.close();
+  else if (modal) sheet.showModal();
+  else {
+    sheet.style.top = `${byId("seen").getBoundingClientRect().bottom + 4}px`; // the button that closes it stays in reach
+    sheet.show();
+  }
 }
 
 // Calls `heard` with what a click on the picture picks, or null; the end of a drag is none.
