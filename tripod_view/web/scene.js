@@ -338,8 +338,11 @@ class LiveView extends View {
     return box;
   }
 
-  targets() {
-    return [...this.all.values()].filter(({ name, body, group }) => name && body && this.isSeen(group))
+  targets() { return this.solids().filter(({ name }) => name); }
+
+  // All that has a surface, with a name or not, see `targets`.
+  solids() {
+    return [...this.all.values()].filter(({ kind, body, group }) => body && kind !== "lines" && this.isSeen(group))
       .map(({ number, name, first, body, geometry }) => ({ part: number, name, first, mesh: body, geometry }));
   }
 

@@ -430,14 +430,15 @@ class View {
   }
 
   // What is under the pointer of a mouse event, or null: the `point` of the surface [m], the name of the `body`, and of
-  // the vertex nearest to it its number in all bodies, `vertex`, or null, and in its `part`, `node`.
-  pick({ clientX, clientY }) {
+  // the vertex nearest to it its number in all bodies, `vertex`, or null, and in its `part`, `node`. `targets`: among
+  // which it is.
+  pick({ clientX, clientY }, targets = this.targets()) {
     const T = THREE, box = this.canvas.getBoundingClientRect(), caster = new T.Raycaster();
     const at = new T.Vector2(2 * (clientX - box.left) / box.width - 1, 1 - 2 * (clientY - box.top) / box.height);
     this.camera.updateMatrixWorld();
     caster.setFromCamera(at, this.camera);
     let best = null;
-    for (const target of this.targets()) {
+    for (const target of targets) {
       target.geometry.boundingSphere = new T.Sphere(new T.Vector3(), Infinity);
       const [hit] = caster.intersectObject(target.mesh, false);
       if (hit && (!best || hit.distance < best.distance)) best = { ...hit, ...target };
