@@ -338,11 +338,15 @@ class Display:
         panel.show_lines("notice", _notices(control, self._scene))
         panel.show_lines("target", words.target_lines(target.position, effector))
         measured = control.measured(now)
-        panel.show_joints(
-            control.angles, measured, control.slide, self._torques if measured is not None else None,
-            enabled=control.streaming,
-        )  # fmt: skip
         run = words.run_table(self._sim.status, self.robot, self.speed) if self._sim.fresh(now) else None
+        lasts = measured is not None or (run is not None and run["state"] == words.PAUSED)
+        panel.show_joints(
+            control.angles,
+            measured,
+            control.slide,
+            self._torques if lasts else None,
+            enabled=control.streaming,
+        )
         panel.show_run(run)
         panel.show_figures(self._figures.status if self._figures.fresh(now) else None)
         panel.show_recording(self.recorder)

@@ -44,6 +44,7 @@ from tripod_graph.joint import SHOWN, Joint
 from tripod_graph.qos import RELIABLE
 from tripod_sim.scene.file import scene_names
 from tripod_study.accuracy.choice import percent
+from tripod_view.control import STALE
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), "")
@@ -647,6 +648,21 @@ def test_a_body_is_pulled_and_loaded(stage: Stage, browser: Any) -> None:
     stage.destroy(requests)
 
 
+def test_torques_of_the_last_step_stay_while_paused(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        opened.text(".servo .torque", "-0.010 of")
+        stage.sim.tells_joints, stage.sim.state = False, SimStatus.PAUSED
+        opened.text("#run", "paused")
+        opened.page.wait_for_timeout(1e3 * (STALE + 0.5))
+        opened.text(".servo .torque", "-0.010 of")
+        stage.sim.state = SimStatus.RUNNING
+        opened.text(".servo .torque", "not known")
+        stage.sim.tells_joints = True
+        opened.text(".servo .torque", "-0.010 of")
+        assert opened.errors == []
+
+
 def test_a_drag_on_what_cannot_be_pulled_says_so(stage: Stage, browser: Any) -> None:
     show(stage.sim, "tripod")
     with Opened(browser, stage, "screen") as opened:
@@ -1008,7 +1024,8 @@ def assert_the_legend_of_a_picture_fits(opened: Opened, whole: str) -> None:
                 fillRect.call(this, x, y, w, h);
             };
             const groups = Array.from({ length: 12 }, (_, i) =>
-                ({ text: `normal force on body ${i} by the plate of the maze: 10 mm = 0.53 N, now 0.025 N`, colour: "#555555" }));
+                ({ text: `normal force on body ${i} by the plate of the maze: 10 mm = 0.53 N, now 0.025 N`,
+                    colour: "#555555" }));
             const canvas = document.createElement("canvas"), drawn = Object.assign(canvas, { width: 420, height: 320 });
             const one = { render() {}, canvas: drawn, ratio: 1, captions: () => [] };
             await View.prototype.screenshot.call(one, "#edf1f4", ["tripod, 0.1 s"], null, groups);
