@@ -857,7 +857,22 @@ def test_the_ball_is_clicked_and_plotted_with_its_contact_force(stage: Stage, br
             opened.press("Plot")
             opened.text("#picked", "contact force", "0.5 N")
             opened.text("#plots", "ball, speed", "ball, contact force")
+            assert opened.page.locator("#arrows").is_hidden()
+            remove = opened.page.locator("[aria-label='remove the plot: ball, contact force']")
+            remove.click()
+            stage.wait(lambda: forces.get_subscription_count() == 0)
+            opened.page.locator("#more").select_option("new|ball, contact force: contact force")
+            opened.text(".plot:last-of-type .legend", "contact force", "0.5")
+            assert forces.get_subscription_count() == 1
+            opened.page.locator("#plots summary").click()
+            stage.wait(lambda: forces.get_subscription_count() == 0)
+            opened.page.locator("#plots summary").click()
+            stage.wait(lambda: forces.get_subscription_count() == 1)
+            opened.press("Forces")
             opened.text("#arrows", "ball by plate", "plate by ball")
+            remove.click()
+            opened.page.wait_for_timeout(500)
+            assert forces.get_subscription_count() == 1
             assert opened.errors == []
     finally:
         stage.wait(lambda: timer.cancel() or True)

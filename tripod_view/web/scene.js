@@ -28,6 +28,7 @@ class LiveView extends View {
     this.time = NaN; // simulated time of the bodies [s]
     this.way = null; // numbers of the path, if it is drawn
     this.forces = false; // whether they are drawn
+    this.plotted = false; // whether they are plotted
     this.recolour = false; // whether there are other values than those that were painted
     this.root = new THREE.Group();
     this.world = new THREE.Group();
@@ -477,7 +478,12 @@ export function scene() {
   const boxes = new ForceBoxes(byId("arrows"), true, view, redraw);
   view.wants = (name) => boxes.has(name);
   // Says what this page shows: the simulator computes nothing else, and nothing for a page that is hidden.
-  const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && view.forces });
+  const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && (view.forces || view.plotted) });
+  view.plotForces = (on) => {
+    if (view.plotted === on) return;
+    view.plotted = on;
+    tell();
+  };
   const offer = () => {
     const maps = value("maps"), fields = value("fields");
     if (!maps || !fields) return;
