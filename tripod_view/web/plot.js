@@ -51,7 +51,7 @@ class Plot {
     const quoted = (text) => `"${text.replaceAll('"', '""')}"`;
     const columns = this.record.clock ? [this.record.clock, ...this.series] : this.series;
     const rows = [["time [s]", ...columns.map((s) => `${s.name} [${s.unit}]`)].map(quoted).join(",")];
-    this.record.times.forEach((t, i) => rows.push([t, ...columns.map((s) => (Number.isFinite(s.at(i)) ? s.at(i) : ""))].join(",")));
+    this.record.times.forEach((t, i) => rows.push([Number(t.toFixed(6)), ...columns.map((s) => (Number.isFinite(s.at(i)) ? s.at(i) : ""))].join(",")));
     return `${rows.join("\n")}\n`;
   }
 

@@ -185,7 +185,8 @@ export function plots(view) {
     if (view.isBall(node.part)) wanted.push("ball", "ball, speed", BALL_FORCE);
     else {
       picked.push(node);
-      wanted.push(`${node.name}, node ${node.node}`);
+      const title = `${node.name}, node ${node.node}`;
+      wanted.push(title, ...view.fieldsAt(node.part, node.node).map(([field]) => `${title}, ${fieldOf(field).label}`));
     }
     card.open = true;
     card.scrollIntoView({ block: "nearest" });

@@ -3,6 +3,7 @@
 import { listen, value } from "./channel.js";
 import { decimals } from "./dom.js";
 
+const SAID = 5000; // for which a file that was saved is named [ms]
 const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
@@ -27,6 +28,7 @@ class LiveView extends View {
     this.ballTrail = [];
     this.time = NaN; // simulated time of the bodies [s]
     this.way = null; // numbers of the path, if it is drawn
+    this.saved = ""; // name of a picture that was just saved
     this.forces = false; // whether they are drawn
     this.plotted = false; // whether they are plotted
     this.recolour = false; // whether there are other values than those that were painted
@@ -511,7 +513,7 @@ export function scene() {
     const groups = view.forces ? view.groups() : [], waits = view.forces && !groups.some(({ known }) => known) && value("run")?.state === 1;
     boxes.offer(groups, waits ? "forces are known after the next step" : "");
     view.render();
-    byId("scale").textContent = `one square of the floor: ${length(view.cell)}`;
+    byId("scale").textContent = view.saved ? `saved as ${view.saved}` : `one square of the floor: ${length(view.cell)}`;
     offerFollow(view);
   }
 
@@ -558,7 +560,9 @@ function tools(view, redraw, tell, legend) {
     path: () => { view.showPath(!view.way); pressed("path", Boolean(view.way)); },
     shot: async () => {
       const name = value("scene")?.name || "tripod", run = value("run");
-      save(`${name}.png`, await view.screenshot(BACKGROUND, [run ? `${name}, ${run.time.toFixed(decimals(run.dt))} s` : name], ...legend()));
+      view.saved = save(`${name}.png`, await view.screenshot(BACKGROUND, [run ? `${name}, ${run.time.toFixed(decimals(run.dt))} s` : name], ...legend()));
+      redraw();
+      setTimeout(() => { view.saved = ""; redraw(); }, SAID);
     },
     forces: () => { view.showForces(!view.forces); pressed("forces", view.forces); tell(); },
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),

@@ -28,12 +28,13 @@ function placed(place, radius) {
   return ["x", "y", "z"].map((axis, a) => `${axis} ${(1e3 * place[a]).toFixed(digits).replace(/^-(?=[0.]+$)/, "")}`).join(", ") + " mm";
 }
 
-// Saves a file; what a name should not have in a terminal becomes a dash.
+// Saves a file and returns its name; what that should not have in a terminal becomes a dash.
 function save(title, blob) {
   const name = title.replace(/[^\p{L}\p{N}._-]+/gu, "-");
   const link = document.createElement("a");
   Object.assign(link, { href: URL.createObjectURL(blob), download: name }).click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  return name;
 }
 
 function option(select, value, text) {
