@@ -78,6 +78,7 @@ class Display:
         self._servos = 0
         self._table: tuple[Joint, ...] = ()
         self._newest: tuple[Callable[[], tuple[int, FloatArray]], float] | None = None
+        self._time = float("-inf")  # of the newest state [s]
         self._nodes: FloatArray | None = None
         self._new_fields: dict[str, Callable[[], tuple[int, FloatArray]]] = {}
         self._new_forces: Sequence[Group] | None = None
@@ -117,8 +118,10 @@ class Display:
 
     def keep_state(self, read: Callable[[], tuple[int, FloatArray]], time: float) -> None:
         """Keep node positions at a simulated time [s]: `read` returns topology id and flat positions [m], when they are
-        drawn."""
-        self._newest = read, time
+        drawn. Forces that wait to be drawn are forgotten where time goes back: they are from before a reset."""
+        if time < self._time:
+            self._new_forces = None
+        self._newest, self._time = (read, time), time
 
     def keep_field(self, name: str, read: Callable[[], tuple[int, FloatArray]]) -> None:
         """Keep a field: `read` returns topology id and values, when they are drawn."""
@@ -338,11 +341,15 @@ class Display:
         panel.show_lines("notice", _notices(control, self._scene))
         panel.show_lines("target", words.target_lines(target.position, effector))
         measured = control.measured(now)
-        panel.show_joints(
-            control.angles, measured, control.slide, self._torques if measured is not None else None,
-            enabled=control.streaming,
-        )  # fmt: skip
         run = words.run_table(self._sim.status, self.robot, self.speed) if self._sim.fresh(now) else None
+        lasts = measured is not None or (run is not None and run["state"] == words.PAUSED)
+        panel.show_joints(
+            control.angles,
+            measured,
+            control.slide,
+            self._torques if lasts else None,
+            enabled=control.streaming,
+        )
         panel.show_run(run)
         panel.show_figures(self._figures.status if self._figures.fresh(now) else None)
         panel.show_recording(self.recorder)

@@ -538,6 +538,7 @@ class ViewNode(Node):
         self._draw_timer.cancel()
         while self._streams:
             self.destroy_subscription(self._streams.pop())
+        self._display.keep_torques(None)  # steps may follow that nobody hears
         if self._control.in_control:
             self.get_logger().warning(
                 "the last browser was closed or does not answer, while the page was in control: the mode is now STOP"

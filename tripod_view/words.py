@@ -22,6 +22,9 @@ SIMULATED = ("", "mock")
 GRAVITY = 9.81
 """By which a load is a mass [m/s²]."""
 
+PAUSED = 1
+"""State of tripod_msgs/SimStatus."""
+
 SLOW = 0.95
 """Share of the chosen speed below which the simulation counts as slow."""
 
@@ -95,7 +98,7 @@ def sim_line(status: SimFields, speed: float = 1.0) -> Line:
     slow, chosen = not factor >= SLOW * speed, "real time" if speed == 1.0 else f"the chosen {speed:g} x"
     texts = {
         0: (Light.WATCH, f"slower than {chosen}: {steps}") if slow else (Light.GOOD, f"{chosen}: {steps}"),
-        1: (Light.WATCH, "paused"),
+        PAUSED: (Light.WATCH, "paused"),
         2: (Light.WATCH, "holds: no commands come in"),
         3: (Light.GOOD, "parked (in the park pose, or on the way): waits for commands"),
         4: (Light.BAD, f"failed: {status.message or 'no reason given'}"),

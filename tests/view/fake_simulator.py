@@ -59,6 +59,7 @@ class FakeSimulator(Node):
         self.speed = 1.0  # simulated over steady time
         self.figures: dict[str, Any] = {}
         self.state = SimStatus.RUNNING
+        self.tells_joints = True
         self.scene = "fake"
         self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)
         self._maze = self.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
@@ -163,7 +164,7 @@ class FakeSimulator(Node):
             message.topology_id += 1
         message.positions = array("d", (positions[:-1] if self.spoil == "size" else positions).tobytes())
         self._state.publish(message)
-        if self.follower.limits.size:
+        if self.follower.limits.size and self.tells_joints:
             self.publish_joints(joints)
         pose = PoseStamped()
         pose.header = message.header

@@ -44,6 +44,7 @@ from tripod_graph.joint import SHOWN, Joint
 from tripod_graph.qos import RELIABLE
 from tripod_sim.scene.file import scene_names
 from tripod_study.accuracy.choice import percent
+from tripod_view.control import STALE
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), "")
@@ -647,6 +648,61 @@ def test_a_body_is_pulled_and_loaded(stage: Stage, browser: Any) -> None:
     stage.destroy(requests)
 
 
+def test_torques_of_the_last_step_stay_while_paused(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        opened.text(".servo .torque", "-0.010 of")
+        stage.sim.tells_joints, stage.sim.state = False, SimStatus.PAUSED
+        opened.text("#run", "paused")
+        opened.page.wait_for_timeout(1e3 * (STALE + 0.5))
+        opened.text(".servo .torque", "-0.010 of")
+        stage.sim.state = SimStatus.RUNNING
+        opened.text(".servo .torque", "not known")
+        stage.sim.tells_joints = True
+        opened.text(".servo .torque", "-0.010 of")
+        assert opened.errors == []
+
+
+def test_a_drag_on_what_cannot_be_pulled_says_so(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        page, box = opened.page, stage_box(opened)
+        opened.text("#panel h1", "tripod")
+        opened.press("Just watch", "Pull")
+        stage.wait(lambda: box[0] < place(opened, "servo 0")[0] < box[2])
+        still = place(opened, "servo 0")
+
+        def told() -> str:
+            return page.locator("#hand-told").text_content() or ""
+
+        def drag(x: float, y: float) -> bool:
+            page.mouse.move(x, y)
+            page.mouse.down()
+            page.mouse.move(x + 40, y + 10, steps=3)
+            page.mouse.up()
+            page.wait_for_timeout(500)
+            return place(opened, "servo 0") != still
+
+        x, y = next(
+            (x, y)
+            for y in range(int(still[1]), int(still[1]) + 60, 6)
+            for x in range(int(still[0]) - 30, int(still[0]) + 31, 6)
+            if page.mouse.click(x, y) or told()
+        )
+        messages.assert_names(told(), "soft", "free")
+        opened.press("Pull")
+        assert told() == ""
+        opened.press("Pull")
+        assert not drag(x, y), "the camera was turned"
+        messages.assert_names(told(), "soft", "free")
+        assert drag(box[0] + 20, 0.5 * (box[1] + box[3])), "the background turns it"
+        assert told() == ""
+        still = place(opened, "servo 0")
+        opened.press("Pull")
+        assert drag(x, y), "without Pull it is turned anywhere"
+        assert opened.errors == []
+
+
 def on_body(opened: Opened, box: list[float]) -> tuple[float, float] | None:
     """Return a place of the picture where a body can be picked; a click tells its node in the panel."""
     for share in (0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65):
@@ -693,12 +749,13 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
         with page.expect_download() as download:
             opened.press("Save picture")
         assert download.value.suggested_filename == "maze.png"
+        opened.text("#scale", "maze.png")
+        opened.wait("document.querySelector('#scale').textContent.includes('mm')")
         page.keyboard.press("?")
         opened.wait("document.querySelector('#sheet').open")
         page.locator("#stop").click()  # works also now
-        stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
-        page.keyboard.press("?")
-        opened.wait("!document.querySelector('#sheet').open")
+        stage.wait(lambda: stage.mode() and stage.mode()[0] == ControlMode.STOP)
+        assert_escape_closes_the_sheet_first(opened, stage)
         stage.wait(
             lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or page.locator("#follow option").count() == 3
         )
@@ -708,6 +765,28 @@ def test_the_panel_is_hidden_a_picture_saved_and_the_keys_told(stage: Stage, bro
         stage.wait(lambda: place(opened, "servo 0") != before)
         assert opened.errors == []
     stage.sim.publish_game(False)
+
+
+def assert_escape_closes_the_sheet_first(opened: Opened, stage: Stage) -> None:
+    """Escape closes the sheet of keys, and stops if none is open; Space always stops; `?` closes the sheet, too."""
+    page, is_open = opened.page, "document.querySelector('#sheet').open"
+    opened.wait(is_open)
+    page.locator("#help").click()
+    opened.wait(f"!{is_open}")
+    for key, mode in (("Escape", ControlMode.TELEOP), (" ", ControlMode.STOP)):
+        page.keyboard.press("t")
+        stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
+        page.locator("#help").click()
+        opened.wait(is_open)
+        page.keyboard.press(key)
+        page.wait_for_timeout(1000)
+        assert (page.evaluate(is_open), stage.mode()[0]) == (key == " ", mode)
+        page.keyboard.press("Escape")
+        opened.wait(f"!{is_open}")
+    page.keyboard.press("t")
+    stage.wait(lambda: stage.mode()[0] == ControlMode.TELEOP)
+    page.keyboard.press("Escape")
+    stage.wait(lambda: stage.mode()[0] == ControlMode.STOP)
 
 
 def pick(opened: Opened) -> str:
@@ -736,8 +815,12 @@ def test_a_click_on_a_body_tells_the_node_its_set_and_plots_it(stage: Stage, bro
         assert (np.linalg.norm(nodes - lines["centre"], axis=1) < lines["radius"]).nonzero()[0].tolist() == [
             node
         ]
+        before = len(stage.sim.modes)
+        opened.page.keyboard.press("Escape")
+        opened.wait("document.querySelector('#set').hidden")
         opened.press("Plot")
         opened.text("#plots", f"{found[1]}, node {node}")
+        assert len(stage.sim.modes) == before, "Escape stopped"
         headings = "[...document.querySelectorAll('.plot h2')].map((e) => e.firstChild.textContent)"
         opened.wait(f"{headings}.includes('energies [mJ]')")
         assert not [text for text in opened.page.evaluate(headings) if "servo" in text], "it has none"
@@ -776,7 +859,22 @@ def test_the_ball_is_clicked_and_plotted_with_its_contact_force(stage: Stage, br
             opened.press("Plot")
             opened.text("#picked", "contact force", "0.5 N")
             opened.text("#plots", "ball, speed", "ball, contact force")
+            assert opened.page.locator("#arrows").is_hidden()
+            remove = opened.page.locator("[aria-label='remove the plot: ball, contact force']")
+            remove.click()
+            stage.wait(lambda: forces.get_subscription_count() == 0)
+            opened.page.locator("#more").select_option("new|ball, contact force: contact force")
+            opened.text(".plot:last-of-type .legend", "contact force", "0.5")
+            assert forces.get_subscription_count() == 1
+            opened.page.locator("#plots summary").click()
+            stage.wait(lambda: forces.get_subscription_count() == 0)
+            opened.page.locator("#plots summary").click()
+            stage.wait(lambda: forces.get_subscription_count() == 1)
+            opened.press("Forces")
             opened.text("#arrows", "ball by plate", "plate by ball")
+            remove.click()
+            opened.page.wait_for_timeout(500)
+            assert forces.get_subscription_count() == 1
             assert opened.errors == []
     finally:
         stage.wait(lambda: timer.cancel() or True)
@@ -828,6 +926,7 @@ def test_plots_are_chosen_saved_and_made_only_while_their_card_is_open(stage: St
             return (times, pages) if times[0] < 0.5 * before and np.ptp(pages) > 2 else None
 
         times, pages = stage.wait(restarted)
+        np.testing.assert_array_equal(times, times.round(6))
         assert (np.diff(times) > 0).all()
         assert np.ptp(times) / np.ptp(pages) == pytest.approx(10, rel=0.4)  # a few pictures a second
         stage.sim.began, stage.sim.speed = 0.0, 1.0
@@ -928,6 +1027,74 @@ def saved_words(opened: Opened) -> str:
     return opened.page.evaluate("window.written")
 
 
+def assert_the_legend_of_a_picture_fits(opened: Opened, whole: str) -> None:
+    """All that is written is inside a picture of a phone, on a ground; what does not fit is counted."""
+    ends = opened.page.evaluate(
+        """async () => {
+            const { prototype } = CanvasRenderingContext2D, { fillText, fillRect } = prototype;
+            const texts = [], grounds = [];
+            prototype.fillText = function (text, x, y) {
+                if (!this.canvas.isConnected && this.textAlign !== "center")
+                    texts.push([text, x, x + this.measureText(text).width, y]);
+                fillText.call(this, text, x, y);
+            };
+            prototype.fillRect = function (x, y, w, h) {
+                if (!this.canvas.isConnected && this.fillStyle.startsWith("rgba")) grounds.push([x, x + w, y, y + h]);
+                fillRect.call(this, x, y, w, h);
+            };
+            const groups = Array.from({ length: 12 }, (_, i) =>
+                ({ text: `normal force on body ${i} by the plate of the maze: 10 mm = 0.53 N, now 0.025 N`,
+                    colour: "#555555" }));
+            const canvas = document.createElement("canvas"), drawn = Object.assign(canvas, { width: 420, height: 320 });
+            const one = { render() {}, canvas: drawn, ratio: 1, captions: () => [] };
+            await View.prototype.screenshot.call(one, "#edf1f4", ["tripod, 0.1 s"], null, groups);
+            Object.assign(prototype, { fillText, fillRect });
+            return { texts, grounds };
+        }"""
+    )
+    ((left, right, top, bottom),) = ends["grounds"]
+    assert left >= 0
+    assert right <= 420
+    assert bottom <= 320
+    assert top >= 0.4 * 320, "the scene is seen"
+    for text, start, end, y in ends["texts"]:
+        assert (left <= start, end <= right, top <= y - 8, y <= bottom) == (True,) * 4, text
+    told = " ".join(text for text, *_ in ends["texts"])
+    bodies = len(set(re.findall(r"on body \d+", told)))
+    assert bodies >= 3
+    messages.assert_names(told, f"and {12 - bodies} more", "tripod")
+    assert "more" not in whole
+
+
+def assert_forces_are_those_of_now(
+    opened: Opened, stage: Stage, publish: Callable[[], None], load: Forces
+) -> None:
+    """Forces have the size and the scale of now, those of before a reset are forgotten."""
+
+    def squares() -> float:
+        """Return force over length of an arrow as the legend tells it [N/mm]."""
+        found = re.search(r"([\d.]+) mm = ([\d.e-]+) N", opened.page.locator("#arrows").inner_text())
+        return float(found[2]) / float(found[1]) if found else float("nan")
+
+    def told(force: float) -> bool:
+        load.vectors = array("d", [0.0, 0.0, -force])
+        publish()
+        opened.page.wait_for_timeout(100)
+        return f"now {force:g} N" in opened.page.locator("#arrows").inner_text()
+
+    before = squares()
+    stage.wait(lambda: told(2.0))
+    assert squares() == before, "a scale that changes each time cannot be read"
+    stage.wait(lambda: told(0.025))
+    assert squares() == pytest.approx(0.01 * before, rel=0.1)
+    stage.sim.state, stage.sim.began = SimStatus.PAUSED, time.monotonic()  # a reset
+    opened.wait("document.querySelector('#arrows label').hidden")
+    opened.wait("document.querySelector('#arrows').dataset.note.includes('next step')")
+    stage.sim.state = SimStatus.RUNNING
+    stage.wait(lambda: told(2.5))
+    stage.sim.began = 0.0
+
+
 def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, browser: Any) -> None:
     show(stage.sim, "silicone")
     topic = names.field_topic("von_mises")
@@ -964,20 +1131,32 @@ def test_bodies_are_coloured_by_a_field_and_forces_are_drawn(stage: Stage, brows
         assert page.evaluate(limits) == "100,4000"
         page.locator("#legend-fixed").click()
         until(opened, lambda: stress.publish(field), f"{limits} === '100,9000'")
+        opened.press("Reset view")
+        stage.wait(lambda: on_body(opened, stage_box(opened)))
+        opened.wait("document.querySelector('#picked').textContent.includes('von Mises')")
+        opened.press("Plot")
+        until(
+            opened,
+            lambda: stress.publish(field),
+            "[...document.querySelectorAll('.plot h2')].some((e) => e.textContent.includes('von Mises stress [Pa]'))",
+        )
         assert page.locator("#arrows").is_hidden()
         opened.press("Forces")
         until(opened, lambda: forces.publish(load), "document.querySelector('#arrows input')")
-        opened.text("#arrows", "load", "2.5 N")
+        opened.text("#arrows", "load", "now 2.5 N")
         assert re.search(r"mm = [\d.]+ N", page.locator("#arrows").inner_text())
         assert page.locator("#arrows input").is_checked()
+        assert_forces_are_those_of_now(opened, stage, lambda: forces.publish(load), load)
         written = saved_words(opened)
         messages.assert_names(
             written, "von Mises", "Pa", "100", "9 kPa", "load", "2.5 N", "silicone", "0.000 s"
         )
         assert " x " in written, "the labels over the picture"
+        assert_the_legend_of_a_picture_fits(opened, written)
         page.locator("#arrows input").uncheck()
         assert "2.5 N" not in saved_words(opened)
         opened.press("Forces")
+        stage.wait(lambda: forces.get_subscription_count() == 0)
         stage.sim.state = SimStatus.PAUSED
         opened.press("Forces")
         opened.wait(

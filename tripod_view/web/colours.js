@@ -154,7 +154,8 @@ class Colours {
 class ForceBoxes {
   constructor(box, on, view, changed) { Object.assign(this, { box, on, view, changed, labels: new Map(), count: 0 }); }
 
-  // Offers these groups {name, unit, colour, longest}, and no others; `note`: what there is to say beside them.
+  // Offers these groups {name, unit, colour, longest}, and no others, on a live page with the `largest` force of each now;
+  // `note`: what there is to say beside them.
   offer(groups, note = "") {
     const part = 10 ** Math.floor(Math.log10(SCALE_SHARE * this.view.stage.camera.radius)); // [m]
     for (const [name, label] of this.labels) {
@@ -165,7 +166,8 @@ class ForceBoxes {
     for (const group of groups) {
       if (!this.labels.has(group.name)) this.add(group);
       const scale = this.view.scaleOf(group, groups), drawn = scale ? `: ${length(part)} = ${shown2(part / scale)} ${group.unit}` : "";
-      this.labels.get(group.name).lastChild.data = ` ${group.name}${drawn}, up to ${shown2(group.longest)} ${group.unit}`;
+      const size = group.largest === undefined ? `up to ${shown2(group.longest)}` : `now ${shown2(group.largest)}`;
+      this.labels.get(group.name).lastChild.data = ` ${group.name}${drawn}, ${size} ${group.unit}`;
     }
     for (const group of groups) this.labels.get(group.name).hidden = !group.longest; // it has not acted yet
     this.box.dataset.note = note;

@@ -5,6 +5,7 @@ import { button, element, place, section, setText } from "./dom.js";
 
 const REPEAT = 200; // a hand that says nothing for a second lets go [ms]
 const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
+const NOT_PULLED = "Not pulled: this is neither a soft nor a free body. Drag one of those.";
 const ME = crypto.getRandomValues(new Uint32Array(1))[0] >>> 3; // whose hand it is, among the pages
 
 // `view`: the 3-D scene, null where the browser cannot draw. Returns a card for the panel.
@@ -44,7 +45,7 @@ export function hands(view) {
     setText(told, figures?.hands ? `Acts now: ${figures.hands}` : "");
     unload.disabled = !figures?.hands?.includes("load");
     unload.title = unload.disabled ? "No load acts" : "";
-    setText(byId("hand-told"), figures?.hands ?? "");
+    on?.tell(figures?.hands ?? "");
     if (unload.disabled) on?.load(null);
   });
   return section("hands", "Pull, load, speed", [
@@ -61,8 +62,18 @@ export function hands(view) {
 // Lets a mouse or a finger pull the body while that is switched on.
 function puller(view, redraw, stiffness) {
   const { canvas } = view, heard = [];
-  let pulls = false, held = null, timer = 0, placed = 0; // `held`: what was picked, where it was and is to go
+  let pulls = false, held = null, timer = 0, placed = 0, barred = false, acts = ""; // `held`: what was picked, where it was and is to go
 
+  const tell = (hands = acts) => {
+    acts = hands;
+    setText(byId("hand-told"), barred ? NOT_PULLED : acts);
+  };
+  // Keeps the camera still while a drag that can pull nothing lasts, and says so.
+  const bar = (on) => {
+    barred = on;
+    view.controls.enabled = !on;
+    tell();
+  };
   const say = () => send({ pull: { who: ME, vertex: held.vertex, from: held.start, to: held.to, stiffness: stiffness() } });
   const letGo = () => {
     if (!held) return;
@@ -107,10 +118,14 @@ function puller(view, redraw, stiffness) {
 
   canvas.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !event.isPrimary) return;
-    const found = view.pick(event);
-    if ((found?.vertex ?? null) === null) return; // the ball of a maze has none
-    for (const tell of heard) tell(found);
-    if (!pulls || (value("replay")?.age ?? null) !== null) return;
+    const found = view.pick(event), works = pulls && (value("replay")?.age ?? null) === null;
+    if (barred) bar(false);
+    if ((found?.vertex ?? null) === null) { // the ball of a maze has none
+      if (works && view.controls.enableRotate && view.pick(event, view.solids())) bar(true); // no handle is there
+      return;
+    }
+    for (const choose of heard) choose(found);
+    if (!works) return;
     event.stopImmediatePropagation();
     canvas.setPointerCapture(event.pointerId);
     view.controls.enabled = false;
@@ -126,6 +141,7 @@ function puller(view, redraw, stiffness) {
     redraw();
   });
   for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(name, letGo);
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { if (barred) view.controls.enabled = true; });
   addEventListener("blur", letGo);
   listen("connected", (there) => { if (!there) letGo(); });
   view.before = draw; // the arrow goes along with the body
@@ -133,11 +149,12 @@ function puller(view, redraw, stiffness) {
   const toggle = () => {
     pulls = !pulls;
     letGo();
+    bar(false);
     canvas.classList.toggle("pulls", pulls);
     pressed("pull", pulls);
   };
   addEventListener("keydown", (event) => {
     if (event.key === "g" && !event.ctrlKey && !event.altKey && !event.metaKey && !/^(INPUT|SELECT)$/.test(event.target.tagName)) toggle();
   });
-  return { toggle, load, picked: (tell) => heard.push(tell) };
+  return { toggle, load, tell, picked: (choose) => heard.push(choose) };
 }

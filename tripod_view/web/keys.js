@@ -27,9 +27,10 @@ export function keys() {
   // In the capture phase: the camera of the 3-D view, too, moves by arrows.
   window.addEventListener("keydown", (event) => {
     if (event.key === " " || event.key === "Escape") {
-      release();
-      send({ press: "STOP" });
-      if (event.key === "Escape") byId("sheet").close();
+      if (event.key === " " || !closeWhatIsOpen()) {
+        release();
+        send({ press: "STOP" });
+      }
       event.preventDefault();
       event.stopPropagation();
       return;
@@ -57,6 +58,13 @@ export function keys() {
     if (event.key === " ") event.preventDefault(); // some browsers press the button that has the focus: after STOP
     if (down.delete(event.code)) tell();
   }, true);
+}
+
+// Closes the sheet of keys, or else the text of a set; returns whether one was open.
+function closeWhatIsOpen() {
+  const sheet = byId("sheet"), text = byId("set"), open = sheet.open || !text.hidden;
+  if (sheet.open) sheet.close(); else text.hidden = true;
+  return open;
 }
 
 function typing(node) {

@@ -17,7 +17,7 @@ export function tellPicked(view, plotNode) {
     if (!place) { show(null); return; }
     if (view.isBall(hit.part)) {
       const { place: middle, speed, force } = view.ball(), mm = (1e3 * speed).toPrecision(2);
-      const pressed = Number.isFinite(force) ? `; contact force ${Number(force.toPrecision(2))} N` : "; contact force: with Forces on";
+      const pressed = Number.isFinite(force) ? `; contact force ${Number(force.toPrecision(2))} N` : "; contact force: with Forces or a plot of it";
       told.textContent = `ball at ${placed(middle, radius)}${Number.isFinite(speed) ? `; speed ${Number(mm)} mm/s` : ""}${pressed}`;
       copy.hidden = true;
       return;
@@ -42,10 +42,7 @@ export function tellPicked(view, plotNode) {
   }
 
   onPick(view, show);
-  plot.addEventListener("click", () => {
-    if (view.isBall(hit.part) && !view.forces) byId("forces").click(); // its contact force is one of them
-    plotNode({ name: hit.body, part: hit.part, node: hit.node });
-  });
+  plot.addEventListener("click", () => plotNode({ name: hit.body, part: hit.part, node: hit.node }));
   copy.addEventListener("click", () => {
     if (!text.hidden) { text.hidden = true; return; }
     const rest = view.rest(hit.part, hit.node), edge = view.edge(hit.part, hit.node);

@@ -51,7 +51,7 @@ class Plot {
     const quoted = (text) => `"${text.replaceAll('"', '""')}"`;
     const columns = this.record.clock ? [this.record.clock, ...this.series] : this.series;
     const rows = [["time [s]", ...columns.map((s) => `${s.name} [${s.unit}]`)].map(quoted).join(",")];
-    this.record.times.forEach((t, i) => rows.push([t, ...columns.map((s) => (Number.isFinite(s.at(i)) ? s.at(i) : ""))].join(",")));
+    this.record.times.forEach((t, i) => rows.push([Number(t.toFixed(6)), ...columns.map((s) => (Number.isFinite(s.at(i)) ? s.at(i) : ""))].join(",")));
     return `${rows.join("\n")}\n`;
   }
 
@@ -126,6 +126,9 @@ class Plot {
   }
 }
 
+// The name of a series and what it is of, each once.
+const fullName = ({ title, name }) => (title.endsWith(name) ? title : `${title}: ${name}`);
+
 class Plots {
   // Below `parent`, of `record`; `jump`: called with a time that is chosen in a plot.
   constructor(parent, record, jump) {
@@ -139,7 +142,7 @@ class Plots {
       const { value } = this.more, bar = value.indexOf("|"), where = value.slice(0, bar), key = value.slice(bar + 1);
       const s = this.series.get(key);
       if (!s) return;
-      if (where === "new") this.show(key, [s]); else this.plots[Number(where)].series.push(s);
+      if (where === "new") this.show(fullName(s), [s]); else this.plots[Number(where)].series.push(s);
       this.refresh();
       this.draw(this.time);
     });
@@ -180,11 +183,10 @@ class Plots {
       if (!groups.has(group)) groups.set(group, Object.assign(document.createElement("optgroup"), { label: group }));
       option(groups.get(group), value, text);
     };
-    const whole = ({ title, name }) => (title.endsWith(name) ? title : `${title}: ${name}`);
-    for (const [key, s] of this.series) add(s.group, `new|${key}`, s.title === s.group ? s.name : whole(s));
+    for (const [key, s] of this.series) add(s.group, `new|${key}`, s.title === s.group ? s.name : fullName(s));
     this.plots.forEach((plot, p) => {
       for (const [key, s] of this.series)
-        if (s.unit === plot.unit && !plot.series.includes(s)) add(`into the plot ${plot.title}`, `${p}|${key}`, whole(s));
+        if (s.unit === plot.unit && !plot.series.includes(s)) add(`into the plot ${plot.title}`, `${p}|${key}`, fullName(s));
     });
     this.more.append(...groups.values());
     this.more.hidden = !this.series.size;

@@ -6,6 +6,7 @@ import { section } from "./dom.js";
 const SPAN = 60; // what is kept [s]
 const PERIOD = 50, REDRAWN = 100; // [ms]
 const PLACES = { "/effector": "effector", "/ball": "ball", "/target": "target" };
+const BALL_FORCE = "ball, contact force";
 const AXES = ["x", "y", "z"];
 const ENERGIES = { kinetic: "kinetic", strain: "strain", gravity: "gravity", work: "work of the servos", lost: "lost" };
 
@@ -14,18 +15,12 @@ const PARTS = ["kinetic", "strain", "gravity"]; // of the total energy
 const jointKinds = () => (value("scene")?.joints ? value("kinds") ?? [] : []);
 const fieldOf = (field) => value("fields")?.find(({ name }) => name === field) ?? { label: field, unit: "" };
 
-// Length of the largest of some vectors, 3 numbers each; 0 without any.
-function largest(vectors) {
-  let most = 0;
-  for (let i = 0; i < vectors.length; i += 3) most = Math.max(most, Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]));
-  return most;
-}
-
-// What can be plotted now, each [title, name, unit, value, group of the list]; `view`: of the scene, or null.
+// What can be plotted now, each [title, name, unit, value, group of the list, whether it is listed before it is known];
+// `view`: of the scene, or null.
 function quantities(view) {
   const run = value("run"), figures = value("figures"), joints = value("joints"), found = [];
   let group = "joints";
-  const add = (title, name, unit, number, factor = 1) => found.push([title, name, unit, factor * (number ?? NaN), group]);
+  const add = (title, name, unit, number, factor = 1, listed = false) => found.push([title, name, unit, factor * (number ?? NaN), group, listed]);
   jointKinds().forEach(({ name, unit, back, servo }, i) => {
     const title = servo ? "servo angles" : `actuators [${unit}]`;
     add(title, name, unit, joints?.angles?.[i]);
@@ -42,7 +37,7 @@ function quantities(view) {
   const ball = view?.ball();
   if (ball?.place) {
     add("ball, speed", "speed", "mm/s", ball.speed, 1e3);
-    add("ball, contact force", "contact force", "N", ball.force);
+    add(BALL_FORCE, "contact force", "N", ball.force, 1, true);
   }
   group = "energies";
   const energy = figures?.energy ?? {}, total = PARTS.reduce((sum, part) => sum + (energy[part] ?? NaN), 0);
@@ -65,7 +60,7 @@ function quantities(view) {
   add("contact distances", "penetration", "mm", figures?.penetration, 1e3);
   add("contact distances", "error", "mm", figures?.contact_error, 1e3);
   group = "forces";
-  for (const { name, unit, vectors, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest(vectors));
+  for (const { name, unit, largest, longest } of view?.groups() ?? []) if (longest) add(`largest [${unit}]`, name, unit, largest);
   for (const { name, part, node } of picked) {
     const title = `${name}, node ${node}`, place = view.vertex(part, node), rest = place && view.rest(part, node);
     group = title;
@@ -109,9 +104,9 @@ class Minute {
   add(time, clock, found, made) {
     if (time < this.end) this.empty();
     if (this.length && time === this.end) return;
-    for (const [title, name, unit, number, group] of found) {
+    for (const [title, name, unit, number, group, listed] of found) {
       const key = `${title}: ${name}`;
-      if (this.columns.has(key) || !Number.isFinite(number)) continue;
+      if (this.columns.has(key) || !(listed || Number.isFinite(number))) continue;
       this.columns.set(key, this.column(name, unit));
       made(title, name, unit, this.columns.get(key).at, group);
     }
@@ -147,7 +142,11 @@ export function plots(view) {
     return series.length > 0;
   }
 
+  // Whether a plot that is seen needs the forces, which the simulator computes on request.
+  const needForces = () => card.open && all.plots.some(({ series }) => series.some(({ title, group }) => title === BALL_FORCE || group === "forces"));
+
   function sample() {
+    view?.plotForces(needForces());
     if (!value("scene") || document.body.classList.contains("past")) return;
     const now = performance.now(), before = all.series.size, time = Number.isFinite(view?.time) ? view.time : value("run")?.time;
     if (!Number.isFinite(time)) return;
@@ -171,6 +170,7 @@ export function plots(view) {
   card.addEventListener("toggle", () => {
     clearInterval(timer);
     minute.empty();
+    view?.plotForces(needForces());
     if (card.open) timer = setInterval(sample, PERIOD);
   });
   let known = "";
@@ -182,10 +182,11 @@ export function plots(view) {
   listen("kinds", changed);
 
   function plotNode(node) {
-    if (view.isBall(node.part)) wanted.push("ball", "ball, speed", "ball, contact force");
+    if (view.isBall(node.part)) wanted.push("ball", "ball, speed", BALL_FORCE);
     else {
       picked.push(node);
-      wanted.push(`${node.name}, node ${node.node}`);
+      const title = `${node.name}, node ${node.node}`;
+      wanted.push(title, ...view.fieldsAt(node.part, node.node).map(([field]) => `${title}, ${fieldOf(field).label}`));
     }
     card.open = true;
     card.scrollIntoView({ block: "nearest" });

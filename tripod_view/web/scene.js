@@ -3,11 +3,13 @@
 import { listen, value } from "./channel.js";
 import { decimals } from "./dom.js";
 
+const SAID = 5000; // for which a file that was saved is named [ms]
 const AGAIN = 1000; // pause before the next attempt to connect [ms]
 const NOWHERE = { centre: [0, 0, 0], radius: 0.15, azimuth: -50, elevation: 30, floor: -0.05 };
 const AXES = [0xd64045, 0x2a9d5c, 0x1f77b4]; // x, y, z
 const WAY = 2000; // places of a path that are kept
 const BALL = "/ball", TRAIL = 0.3, REST = 1e-6; // its node; time over which its speed is a mean [s]; speed that is none [m/s]
+const SHRUNK = 3; // times that a force is below the one its arrows are scaled by before they are scaled again
 const FAR = 2; // radii of the scene, beyond which nothing is followed: a ball that is lost falls for ever
 const FOLLOWED = { "/ball": "ball", "/effector": "effector" };
 
@@ -26,7 +28,9 @@ class LiveView extends View {
     this.ballTrail = [];
     this.time = NaN; // simulated time of the bodies [s]
     this.way = null; // numbers of the path, if it is drawn
+    this.saved = ""; // name of a picture that was just saved
     this.forces = false; // whether they are drawn
+    this.plotted = false; // whether they are plotted
     this.recolour = false; // whether there are other values than those that were painted
     this.root = new THREE.Group();
     this.world = new THREE.Group();
@@ -59,6 +63,7 @@ class LiveView extends View {
     const floats = ([first, count]) => new T.BufferAttribute(new Float32Array(buffer, 4 + size + first, count), 3);
     const plain = ([first, count]) => new Float32Array(buffer, 4 + size + first, count);
     const whole = ([first, count]) => new T.BufferAttribute(new Uint32Array(buffer, 4 + size + first, count), 1);
+    if (head.time < this.time) this.forgetForces(); // a reset
     if (head.alive) {
       const alive = new Set(head.alive);
       for (const number of [...this.all.keys()]) if (!alive.has(number)) this.drop(number);
@@ -68,7 +73,7 @@ class LiveView extends View {
       Object.assign(node, rest);
       if (values) { node.values = plain(values); this.recolour = true; }
       if (points) node.points = plain(points);
-      if (vectors) node.vectors = plain(vectors);
+      if (vectors) Object.assign(node, { vectors: plain(vectors), known: true });
       if (vertices) this.shape(node, floats(vertices), triangles && whole(triangles));
       if (undeformed) node.undeformed = floats(undeformed);
       if (rest.pose && !node.dragged) { node.group.position.fromArray(rest.pose); node.group.quaternion.fromArray(rest.pose, 3); }
@@ -81,7 +86,7 @@ class LiveView extends View {
   }
 
   add(number, { kind, parent, text, axes }) {
-    const node = { group: new THREE.Group(), made: [], number, longest: 0 };
+    const node = { group: new THREE.Group(), made: [], number, longest: 0, largest: 0 };
     (this.all.get(parent)?.group ?? this.root).add(node.group);
     if (kind === "group" && axes > 0) this.addAxes(node.group, axes);
     if (kind === "label") {
@@ -185,9 +190,8 @@ class LiveView extends View {
       .map(({ path, values }) => [path.split("/").pop(), values[node]]);
   }
 
-  // Groups of forces, with the longest of each since they were switched on.
+  // Groups of forces, each with its `largest` now and the `longest` by which its arrows are scaled.
   groups() {
-    if (!this.forces) return [];
     return [...this.all.values()].filter(({ kind, points, vectors }) => kind === "arrows" && points?.length === vectors?.length);
   }
 
@@ -201,10 +205,20 @@ class LiveView extends View {
     }
   }
 
+  // Finds the largest force of each group. The scale follows it, and stays while it is a little smaller.
   measure() {
     for (const node of this.groups()) {
       const { vectors } = node;
-      for (let i = 0; i < vectors.length; i += 3) node.longest = Math.max(node.longest, Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]));
+      node.largest = node.known ? 0 : NaN;
+      for (let i = 0; i < vectors.length; i += 3) node.largest = Math.max(node.largest, Math.hypot(vectors[i], vectors[i + 1], vectors[i + 2]));
+      if (node.largest > node.longest || (node.largest > 0 && node.largest * SHRUNK < node.longest)) node.longest = node.largest;
+    }
+  }
+
+  // Forgets the forces until others are told.
+  forgetForces() {
+    for (const node of this.all.values()) if (node.kind === "arrows") {
+      Object.assign(node, { longest: 0, known: false, points: [], vectors: [] });
     }
   }
 
@@ -327,8 +341,11 @@ class LiveView extends View {
     return box;
   }
 
-  targets() {
-    return [...this.all.values()].filter(({ name, body, group }) => name && body && this.isSeen(group))
+  targets() { return this.solids().filter(({ name }) => name); }
+
+  // All that has a surface, with a name or not, see `targets`.
+  solids() {
+    return [...this.all.values()].filter(({ kind, body, group }) => body && kind !== "lines" && this.isSeen(group))
       .map(({ number, name, first, body, geometry }) => ({ part: number, name, first, mesh: body, geometry }));
   }
 
@@ -370,7 +387,7 @@ class LiveView extends View {
 
   // What is known of the ball: place [m], mean speed of the last moment [m/s], contact force [N], NaN where that is not.
   ball() {
-    const first = this.ballTrail[0], last = this.ballTrail.at(-1), force = [0, 0, 0], of = this.groups().filter(({ name }) => name.includes(" on ball by "));
+    const first = this.ballTrail[0], last = this.ballTrail.at(-1), force = [0, 0, 0], of = this.groups().filter(({ name, known }) => known && name.includes(" on ball by "));
     for (const { vectors } of of) vectors.forEach((v, i) => { force[i % 3] += v; });
     const speed = last?.time > first?.time ? Math.hypot(...last.place.map((v, a) => v - first.place[a])) / (last.time - first.time) : NaN;
     return { place: this.placeOf(BALL), speed: speed < REST ? 0 : speed, force: of.length ? Math.hypot(...force) : NaN };
@@ -463,7 +480,12 @@ export function scene() {
   const boxes = new ForceBoxes(byId("arrows"), true, view, redraw);
   view.wants = (name) => boxes.has(name);
   // Says what this page shows: the simulator computes nothing else, and nothing for a page that is hidden.
-  const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && view.forces });
+  const tell = () => hand({ show: document.hidden ? "" : colours?.chosen ?? "", forces: !document.hidden && (view.forces || view.plotted) });
+  view.plotForces = (on) => {
+    if (view.plotted === on) return;
+    view.plotted = on;
+    tell();
+  };
   const offer = () => {
     const maps = value("maps"), fields = value("fields");
     if (!maps || !fields) return;
@@ -488,10 +510,10 @@ export function scene() {
     }
     colours?.update();
     view.measure();
-    const groups = view.groups(), waits = view.forces && !groups.length && value("run")?.state === 1;
+    const groups = view.forces ? view.groups() : [], waits = view.forces && !groups.some(({ known }) => known) && value("run")?.state === 1;
     boxes.offer(groups, waits ? "forces are known after the next step" : "");
     view.render();
-    byId("scale").textContent = `one square of the floor: ${length(view.cell)}`;
+    byId("scale").textContent = view.saved ? `saved as ${view.saved}` : `one square of the floor: ${length(view.cell)}`;
     offerFollow(view);
   }
 
@@ -538,7 +560,9 @@ function tools(view, redraw, tell, legend) {
     path: () => { view.showPath(!view.way); pressed("path", Boolean(view.way)); },
     shot: async () => {
       const name = value("scene")?.name || "tripod", run = value("run");
-      save(`${name}.png`, await view.screenshot(BACKGROUND, [run ? `${name}, ${run.time.toFixed(decimals(run.dt))} s` : name], ...legend()));
+      view.saved = save(`${name}.png`, await view.screenshot(BACKGROUND, [run ? `${name}, ${run.time.toFixed(decimals(run.dt))} s` : name], ...legend()));
+      redraw();
+      setTimeout(() => { view.saved = ""; redraw(); }, SAID);
     },
     forces: () => { view.showForces(!view.forces); pressed("forces", view.forces); tell(); },
     aside: () => pressed("aside", !document.body.classList.toggle("wide")),

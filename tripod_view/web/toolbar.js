@@ -28,12 +28,13 @@ function placed(place, radius) {
   return ["x", "y", "z"].map((axis, a) => `${axis} ${(1e3 * place[a]).toFixed(digits).replace(/^-(?=[0.]+$)/, "")}`).join(", ") + " mm";
 }
 
-// Saves a file; what a name should not have in a terminal becomes a dash.
+// Saves a file and returns its name; what that should not have in a terminal becomes a dash.
 function save(title, blob) {
   const name = title.replace(/[^\p{L}\p{N}._-]+/gu, "-");
   const link = document.createElement("a");
   Object.assign(link, { href: URL.createObjectURL(blob), download: name }).click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  return name;
 }
 
 function option(select, value, text) {
@@ -68,7 +69,12 @@ function cameraActions(view) {
 // Opens or closes the sheet of keys; `modal`: the rest of the page cannot be used meanwhile.
 function toggleSheet(modal) {
   const sheet = byId("sheet");
-  if (sheet.open) sheet.close(); else if (modal) sheet.showModal(); else sheet.show();
+  if (sheet.open) sheet.close();
+  else if (modal) sheet.showModal();
+  else {
+    sheet.style.top = `${byId("seen").getBoundingClientRect().bottom + 4}px`; // the button that closes it stays in reach
+    sheet.show();
+  }
 }
 
 // Calls `heard` with what a click on the picture picks, or null; the end of a drag is none.

@@ -9,7 +9,18 @@ const ARROW_SHARE = 0.4; // length of the longest arrow over the radius of the s
 const MARK = [[4, 9, 0xffffff], [5.5, 7.5, 0x111111]]; // rings about a marked point: radii [px], colour
 const ROUNDING = 1e-5; // of the longest arrow of its unit: what is shorter is none
 const CREASE = 40; // angle between faces whose common edge is drawn, of pieces [degrees]
+const NARROW = 600, LEGEND_SHARE = 0.5; // of a saved picture: width of one with smaller letters [px]; share of its legend
 const VIEWS = { front: [-90, 0], side: [0, 0], top: [-90, 90] }; // azimuth and elevation of the eye [degrees]
+
+// A text as lines that are not wider than `room`.
+function wrapped(pen, text, room) {
+  const lines = [];
+  for (const word of text.split(" ")) {
+    const longer = lines.length ? `${lines.at(-1)} ${word}` : word;
+    if (lines.length && pen.measureText(longer).width <= room) lines[lines.length - 1] = longer; else lines.push(word);
+  }
+  return lines;
+}
 
 // Spreads a table of colours, each [r, g, b] of 0 to 255, evenly to 256.
 function spread(table) {
@@ -419,14 +430,15 @@ class View {
   }
 
   // What is under the pointer of a mouse event, or null: the `point` of the surface [m], the name of the `body`, and of
-  // the vertex nearest to it its number in all bodies, `vertex`, or null, and in its `part`, `node`.
-  pick({ clientX, clientY }) {
+  // the vertex nearest to it its number in all bodies, `vertex`, or null, and in its `part`, `node`. `targets`: among
+  // which it is.
+  pick({ clientX, clientY }, targets = this.targets()) {
     const T = THREE, box = this.canvas.getBoundingClientRect(), caster = new T.Raycaster();
     const at = new T.Vector2(2 * (clientX - box.left) / box.width - 1, 1 - 2 * (clientY - box.top) / box.height);
     this.camera.updateMatrixWorld();
     caster.setFromCamera(at, this.camera);
     let best = null;
-    for (const target of this.targets()) {
+    for (const target of targets) {
       target.geometry.boundingSphere = new T.Sphere(new T.Vector3(), Infinity);
       const [hit] = caster.intersectObject(target.mesh, false);
       if (hit && (!best || hit.distance < best.distance)) best = { ...hit, ...target };
@@ -442,32 +454,41 @@ class View {
   captions() { return []; }
 
   // The picture as it is, as a PNG on `background`, a colour, with what explains it: captions; from below `words`, the
-  // `key` of the colours, see `Colours`, and lines about `arrows`, each {text, colour}.
+  // `key` of the colours, see `Colours`, and lines about `arrows`, each {text, colour}. Texts that are too wide continue
+  // on the next line; of arrows as many are told as fit into the lower part of the picture.
   async screenshot(background = "#ffffff", words = [], key = null, arrows = []) {
     this.render();
-    const { width, height } = this.canvas, sheet = document.createElement("canvas"), { ratio } = this, size = 15 * ratio;
+    const { width, height } = this.canvas, sheet = document.createElement("canvas"), { ratio } = this;
+    const size = (width < NARROW * ratio ? 11 : 15) * ratio, high = 1.4 * size, inset = 0.5 * size;
     Object.assign(sheet, { width, height });
     const pen = sheet.getContext("2d");
     let y = height - 0.8 * size;
     const line = (text, colour = "#333", x = size) => { pen.fillStyle = colour; pen.fillText(text, x, y); return x + pen.measureText(text).width; };
-    const up = () => { y -= 1.4 * size; };
     pen.fillStyle = background;
     pen.fillRect(0, 0, width, height);
     pen.drawImage(this.canvas, 0, 0);
     pen.font = `${size}px system-ui, sans-serif`;
-    for (const text of [...words].reverse()) { line(text); up(); }
-    if (key) {
-      const start = line(key.low) + 0.5 * size, one = 14 * size / 256;
-      line(key.high, "#333", start + 14.5 * size);
+    const rows = (text, colour) => wrapped(pen, text, width - 3 * size).map((part) => ({ text: part, colour }));
+    const below = [...(key ? [...rows(key.title), key] : []), ...words.flatMap((text) => rows(text))];
+    const told = arrows.map(({ text, colour }) => rows(`➜ ${text}`, colour)), room = Math.floor(LEGEND_SHARE * height / high) - below.length;
+    let fit = told.length;
+    while (fit > 0 && told.slice(0, fit).flat().length + (fit < told.length) > room) fit--;
+    const more = fit < told.length ? rows(`and ${told.length - fit} more`) : [], all = [...told.slice(0, fit).flat(), ...more, ...below];
+    const colourBar = ({ low, high: end, map }) => {
+      const start = line(low) + 0.5 * size, one = 14 * size / 256;
       for (let i = 0; i < 256; i++) {
-        pen.fillStyle = `rgb(${key.map.slice(3 * i, 3 * i + 3).join()})`;
+        pen.fillStyle = `rgb(${map.slice(3 * i, 3 * i + 3).join()})`;
         pen.fillRect(start + i * one, y - 0.8 * size, one + 1, size);
       }
-      up();
-      line(key.title);
-      up();
+      return line(end, "#333", start + 14.5 * size);
+    };
+    const widest = Math.max(0, ...all.map((row) => (row === key ? pen.measureText(key.low + key.high).width + 15 * size : pen.measureText(row.text).width)));
+    pen.fillStyle = `${background}cc`;
+    pen.fillRect(inset, height - inset - all.length * high, widest + 2 * inset, all.length * high);
+    for (const row of all.reverse()) {
+      if (row === key) colourBar(key); else line(row.text, row.colour);
+      y -= high;
     }
-    for (const { text, colour } of [...arrows].reverse()) { line(`➜ ${text}`, colour); up(); }
     pen.font = `${12 * ratio}px system-ui, sans-serif`;
     pen.textAlign = "center";
     for (const [element, x, at] of this.captions()) {
