@@ -75,6 +75,10 @@ class Ldl(LinearSolver):
             large = (operations(self._plan)[top.fronts] >= LARGE) & (top.held < 0) & (len(self._shares) > 1)
             self._large = np.flatnonzero(large).tolist()
         *parts, top = self._shares
+        if not parts:
+            top.depth[:] = 0, top.base
+            self.negative = kernels.factor(self._plan, self._numbers, top, 0, len(top.fronts))
+            return self.negative >= 0
         found = together([partial(self._factor, share) for share in parts])
         if min(found, default=0) >= 0:
             found.append(self._factor(top))
@@ -120,7 +124,7 @@ class Ldl(LinearSolver):
         part = 1.0 - np.sqrt(1.0 - np.arange(PIECES) / PIECES)  # rows have fewer numbers the lower they are
         rows = width + ((size - width) * part).astype(int) // kernels.ROWS * kernels.ROWS
         eliminate([*rows.tolist(), size], width)
-        kernels.close_front(plan, A, share, number)
+        kernels.close_front(plan, A, share, s)
         return negative
 
     def is_positive(self) -> bool:

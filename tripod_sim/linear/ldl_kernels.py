@@ -145,59 +145,122 @@ def factor(p: Symbolic, A: Numbers, w: Share, first: int, end: int) -> int:
 
     Return the number of negative pivots, or -1 - k where pivot k is zero or not finite.
     """
+    # arrays are taken out of their tuples once: for each front that would take as long as small fronts themselves
+    fronts, held, waiting, places, depth, F = w.fronts, w.held, w.waiting, w.places, w.depth, w.front
+    pivots, first_row, parent, place = p.pivots, p.first_row, p.parent, p.place
+    target, source, first_entry, panel = p.target, p.source, p.first_entry, p.panel
+    data, stack, factors, inverse, base = A.data, A.stack, A.factors, A.inverse, w.base
     negative = 0
     for number in range(first, end):
-        if w.held[number] >= 0:
-            _keep_waiting(w, number, w.held[number])
+        s = fronts[number]
+        if held[number] >= 0:
+            _keep_waiting(s, held[number], waiting, places, depth)
             continue
-        s = w.fronts[number]
-        own, size = p.pivots[s], p.first_row[s + 1] - p.first_row[s]
-        width = p.pivots[s + 1] - own
-        open_front(p, A, w, s)
-        found = eliminate_pivots(w.front, size, 0, width, A.inverse[own : own + width])
+        own, size = pivots[s], first_row[s + 1] - first_row[s]
+        width = pivots[s + 1] - own
+        _open(
+            s, base, pivots, first_row, parent, place, target, source, first_entry, data, F, stack, waiting, places,
+            depth,
+        )  # fmt: skip
+        inv = inverse[own : own + width]
+        found = eliminate_pivots(F, size, 0, width, inv)
         if found < 0:
             return found - own
         negative += found
-        eliminate_below(w.front, size, width, size, width, A.inverse[own : own + width])
-        close_front(p, A, w, number)
+        eliminate_below(F, size, width, size, width, inv)
+        _close(s, size, width, panel[s], parent[s], F, stack, factors, waiting, places, depth)
     return negative
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _keep_waiting(w: Share, number: int, place: int) -> None:
-    """Remember that the remainder of a front waits at a place of the stack."""
-    count = w.depth[0]
-    w.waiting[count], w.places[count] = w.fronts[number], place
-    w.depth[0] = count + 1
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def _keep_waiting(s: int, place: int, waiting: Array, places: Array, depth: Array) -> None:
+    """Remember that the remainder of front s waits at a place of the stack."""
+    count = depth[0]
+    waiting[count], places[count] = s, place
+    depth[0] = count + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def open_front(p: Symbolic, A: Numbers, w: Share, s: int) -> None:
-    """Write to `w.front` the entries of front s and the remainders of its children."""
-    pivots, first_row, parent, place = p.pivots, p.first_row, p.parent, p.place
-    target, source, first_entry = p.target, p.source, p.first_entry
-    data, F, stack, waiting = A.data, w.front, A.stack, w.waiting
-    size, count = first_row[s + 1] - first_row[s], w.depth[0]
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def _open(
+    s: int,
+    base: int,
+    pivots: Array,
+    first_row: Array,
+    parent: Array,
+    place: Array,
+    target: Array,
+    source: Array,
+    first_entry: Array,
+    data: Array,
+    F: Array,
+    stack: Array,
+    waiting: Array,
+    places: Array,
+    depth: Array,
+) -> None:
+    """Write to F the entries of front s and the remainders of its children; all others as in `Share` and `Symbolic`."""
+    size, count = first_row[s + 1] - first_row[s], depth[0]
     for i in range(size):
         F[i * size + i : (i + 1) * size] = 0.0
     for e in range(first_entry[s], first_entry[s + 1]):
         F[target[e]] += data[source[e]]
     while count > 0 and parent[waiting[count - 1]] == s:
         count -= 1
-        child, at = waiting[count], w.places[count]
+        child, at = waiting[count], places[count]
         m = first_row[child + 1] - first_row[child] - (pivots[child + 1] - pivots[child])
-        if at >= w.base:
-            w.depth[1] = at
+        if at >= base:
+            depth[1] = at
         own = first_row[child + 1] - m
         for i in range(m):
             row = F[place[own + i] * size : (place[own + i] + 1) * size]
             left, to = stack[at + i * m + i : at + (i + 1) * m], place[own + i : own + m]
             for j in range(m - i):
                 row[to[j]] += left[j]
-    w.depth[0] = count
+    depth[0] = count
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def _close(
+    s: int,
+    size: int,
+    width: int,
+    at: int,
+    above: int,
+    F: Array,
+    stack: Array,
+    factors: Array,
+    waiting: Array,
+    places: Array,
+    depth: Array,
+) -> None:
+    """Keep the panel of front s, which begins `at`, and put its remainder on the stack if it has a front `above` it."""
+    factors[at : at + width * size] = F[: width * size]
+    if above >= 0:
+        m, top = size - width, depth[1]
+        for i in range(m):
+            row = (width + i) * size + width
+            stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
+        _keep_waiting(s, top, waiting, places, depth)
+        depth[1] = top + m * m
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def open_front(p: Symbolic, A: Numbers, w: Share, s: int) -> None:
+    """Write to `w.front` the entries of front s and the remainders of its children."""
+    _open(
+        s, w.base, p.pivots, p.first_row, p.parent, p.place, p.target, p.source, p.first_entry, A.data, w.front,
+        A.stack, w.waiting, w.places, w.depth,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def close_front(p: Symbolic, A: Numbers, w: Share, s: int) -> None:
+    """Keep the panel of front s, which has been eliminated, and put its remainder on the stack."""
+    size, width = p.first_row[s + 1] - p.first_row[s], p.pivots[s + 1] - p.pivots[s]
+    _close(s, size, width, p.panel[s], p.parent[s], w.front, A.stack, A.factors, w.waiting, w.places, w.depth)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
 def eliminate_pivots(F: Array, size: int, begin: int, end: int, inverse: Array) -> int:
     """Eliminate the pivots from `begin`, a multiple of `ROWS`, to `end` from each other; those before have been.
 
@@ -217,7 +280,7 @@ def eliminate_pivots(F: Array, size: int, begin: int, end: int, inverse: Array) 
     return negative
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
 def eliminate_below(F: Array, size: int, begin: int, end: int, pivots: int, inverse: Array) -> None:
     """Eliminate the first `pivots` pivots from the rows from `begin` to `end`, all below them."""
     i = begin
@@ -227,21 +290,6 @@ def eliminate_below(F: Array, size: int, begin: int, end: int, pivots: int, inve
     while i < end:
         _eliminate_row(F, size, i, 0, pivots, inverse)
         i += 1
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def close_front(p: Symbolic, A: Numbers, w: Share, number: int) -> None:
-    """Keep the panel of a front that has been eliminated, and put its remainder on the stack."""
-    s, F, stack, at = w.fronts[number], w.front, A.stack, p.panel[w.fronts[number]]
-    size, width = p.first_row[s + 1] - p.first_row[s], p.pivots[s + 1] - p.pivots[s]
-    A.factors[at : at + width * size] = F[: width * size]
-    if p.parent[s] >= 0:
-        m, top = size - width, w.depth[1]
-        for i in range(m):
-            row = (width + i) * size + width
-            stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
-        _keep_waiting(w, number, top)
-        w.depth[1] = top + m * m
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
@@ -256,7 +304,7 @@ def solve(b: Array, p: Symbolic, A: Numbers, w: Share, out: Array) -> None:
         out[order[k]] = y[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
 def forward(p: Symbolic, A: Numbers, w: Share) -> None:
     """Eliminate the pivots of a share from `A.y`; what it adds to rows of other shares goes to `w.beyond`."""
     pivots, rows, first_row, panel, beyond = p.pivots, p.rows, p.first_row, p.panel, w.beyond
@@ -286,7 +334,7 @@ def forward(p: Symbolic, A: Numbers, w: Share) -> None:
                 beyond[row] -= x[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
 def backward(p: Symbolic, A: Numbers, w: Share) -> None:
     """Find the unknowns of a share in `A.y` from those of the shares above it."""
     pivots, rows, first_row, panel = p.pivots, p.rows, p.first_row, p.panel
