@@ -34,7 +34,7 @@ class LinearUse:
     Attributes:
         solver: `ldl` or `cholmod`, which factor, or `cg` or `multigrid`, which iterate.
         why: Why it is this one, in words.
-        entries: Of the factor L; of `cholmod` about as many, of those that iterate what L would have. None: not counted.
+        entries: Of the factor L; of `cholmod` about as many, of others as L would have. None: not counted.
         memory: Of these solvers, with their factors [B].
         reuse: How a Hessian serves several solutions, in words; empty with contact.
         solutions: Of linear systems in an average step.
