@@ -1,5 +1,7 @@
 """Closed surfaces of meshes: cavities by number, faces of sets, caps, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,18 @@ def test_cavities_are_numbered_by_their_smallest_node(element: str) -> None:
         assert not found.rims
         assert sum(len(faces.nodes) for faces in found.faces) == (6 if element.startswith("h") else 12)
     assert found.nodes.min() > cavity_faces(mesh, 0, CAVITY).nodes.min()
+
+
+def test_a_pocket_smaller_than_an_element_is_no_cavity() -> None:
+    mesh = without("h8", (3, 3, 5), TWO)
+    low = within(mesh, [1, 1, 1], [2, 2, 2])
+    nodes = mesh.nodes.copy()
+    nodes[low] = 1.5 + 0.3 * (nodes[low] - 1.5)
+    mesh = replace(mesh, nodes=nodes)
+    assert [round(s.volume(mesh.nodes), 3) for s in closed_surfaces(mesh)] == [-45, 0.027, 1]
+    assert cavity_faces(mesh, 0, CAVITY).volume(mesh.nodes) == pytest.approx(1)
+    with raises_naming(SceneError, "1 cavity", "0 to 0"):
+        cavity_faces(mesh, 1, CAVITY)
 
 
 def test_each_of_several_bodies_has_its_outside() -> None:

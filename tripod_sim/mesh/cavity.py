@@ -16,6 +16,9 @@ PLANAR = 0.1
 FLAT = 1e-9
 """Smallest volume of a cavity, in parts of the cube of its largest extent."""
 
+POCKET = 0.05
+"""Smallest volume of a cavity, in mean elements; less is a pocket that a mesher left where surfaces nearly touch."""
+
 SHOWN = 3
 """Open edges or cavities that a message lists."""
 
@@ -28,6 +31,14 @@ def closed_surfaces(mesh: SolidMesh) -> list[ClosedSurface]:
     label = parts([faces.nodes for faces in mesh.boundary], len(mesh.nodes))
     labels = np.unique(np.concatenate([label[faces.nodes[:, 0]] for faces in mesh.boundary]))
     return [ClosedSurface(_chosen(mesh.boundary, label, one)) for one in labels]
+
+
+def cavities(mesh: SolidMesh) -> list[ClosedSurface]:
+    """Return the cavities of a mesh, in the order of their smallest node numbers."""
+    surfaces = closed_surfaces(mesh)
+    volumes = [surface.volume(mesh.nodes) for surface in surfaces]
+    least = POCKET * abs(sum(volumes)) / mesh.count
+    return [surface for surface, volume in zip(surfaces, volumes, strict=True) if volume >= least]
 
 
 def _chosen(boundary: Sequence[Faces], label: IndexArray, one: int) -> tuple[Faces, ...]:
@@ -47,21 +58,21 @@ def cavity_faces(mesh: SolidMesh, number: int, field: str) -> ClosedSurface:
     Raises:
         SceneError: the mesh has no cavity, or none of that number.
     """
-    surfaces = closed_surfaces(mesh)
-    cavities = [surface for surface in surfaces if surface.volume(mesh.nodes) > 0]
-    if not cavities:
+    found = cavities(mesh)
+    if not found:
+        count = sum(surface.volume(mesh.nodes) < 0 for surface in closed_surfaces(mesh))
         raise SceneError(
-            f"{field} is {number}, but the mesh has no cavity: its boundary is {len(surfaces)} closed "
-            f"surface{'s' if len(surfaces) > 1 else ''}, each the outside of a body; name the faces of the chamber by "
+            f"{field} is {number}, but the mesh has no cavity: its boundary is {count} closed "
+            f"surface{'s' if count > 1 else ''}, each the outside of a body; name the faces of the chamber by "
             "a set, and close an opening with cap = true"
         )
-    if not 0 <= number < len(cavities):
-        listed = "; ".join(_described(k, cavity, mesh.nodes) for k, cavity in enumerate(cavities[:SHOWN]))
+    if not 0 <= number < len(found):
+        listed = "; ".join(_described(k, cavity, mesh.nodes) for k, cavity in enumerate(found[:SHOWN]))
         raise SceneError(
-            f"{field} is {number}, but the mesh has {len(cavities)} "
-            f"{'cavities' if len(cavities) > 1 else 'cavity'}; choose 0 to {len(cavities) - 1}: {listed}"
+            f"{field} is {number}, but the mesh has {len(found)} "
+            f"{'cavities' if len(found) > 1 else 'cavity'}; choose 0 to {len(found) - 1}: {listed}"
         )
-    return cavities[number]
+    return found[number]
 
 
 def _described(number: int, cavity: ClosedSurface, nodes: FloatArray) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.tetrahedron import T4
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.cavity import closed_surfaces
+from tripod_sim.mesh.cavity import cavities
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.curved import curved
 from tripod_sim.mesh.file_format import CAD, PARTS, SURFACES, checked_format
@@ -106,8 +106,7 @@ class PartMesh:
     @property
     def cavities(self) -> tuple[float, ...]:
         """Volumes of the cavities [m³], in the order of their numbers in `chamber.cavity`."""
-        volumes = [surface.volume(self.mesh.nodes) for surface in closed_surfaces(self.mesh)]
-        return tuple(volume for volume in volumes if volume > 0)
+        return tuple(surface.volume(self.mesh.nodes) for surface in cavities(self.mesh))
 
 
 def mesh_part(path: Path, settings: PartSettings, field: str, say: Say = lambda _: None) -> PartMesh:
