@@ -117,16 +117,22 @@ def _weighted_slopes(rest: FloatArray, elements: IndexArray, kind: Element) -> F
     return np.ascontiguousarray(slopes * np.linalg.det(jacobians)[:, None, None])
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _write_gradient(x: Array, nodes: Array, slopes: Array, F: Array) -> None:
+    """Write the gradient of the motion to x amid one element, times its volume."""
+    F[:] = 0.0
+    for a in range(nodes.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                F[i, j] += x[nodes[a], i] * slopes[a, j]
+
+
 @njit(cache=True, error_model="numpy")
 def add_gradients(x: Array, elements: Array, slopes: Array, sums: Array) -> None:
     """Add the gradient of the motion to x amid each element, times its volume, to each of its nodes, (n, 3, 3)."""
     F = np.empty((3, 3))
     for e in range(elements.shape[0]):
-        F[:] = 0.0
-        for a in range(elements.shape[1]):
-            for i in range(3):
-                for j in range(3):
-                    F[i, j] += x[elements[e, a], i] * slopes[e, a, j]
+        _write_gradient(x, elements[e], slopes[e], F)
         for a in range(elements.shape[1]):
             for i in range(3):
                 for j in range(3):
@@ -152,11 +158,7 @@ def write_element_rotations(x: Array, elements: Array, slopes: Array, out: Array
     """Write the rotation amid each element at x, shape (m, 3, 3)."""
     F = np.empty((3, 3))
     for e in range(elements.shape[0]):
-        F[:] = 0.0
-        for a in range(elements.shape[1]):
-            for i in range(3):
-                for j in range(3):
-                    F[i, j] += x[elements[e, a], i] * slopes[e, a, j]
+        _write_gradient(x, elements[e], slopes[e], F)
         _write_rotation(F, out[e])
 
 
