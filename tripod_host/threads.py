@@ -3,7 +3,8 @@
 import os
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache
 from typing import TypeVar
 
@@ -39,7 +40,10 @@ def together(calls: Sequence[Callable[[], Found]]) -> list[Found]:
                 return
             found[k] = call()
 
-    others = [_pool().submit(work) for _ in range(helpers)]
+    others = list[Future[None]]()
+    with suppress(RuntimeError):  # while the interpreter ends no other thread begins: this one does it all
+        for _ in range(helpers):
+            others.append(_pool().submit(work))
     try:
         work()
     finally:

@@ -221,7 +221,8 @@ class _Tries:
     Attributes:
         made: The scene.
         tolerance: Unbalanced force to which it is solved [N].
-        size, edge: Of the mesh of a part: what was asked for, and the mean edge [m]; of other meshes None and 0.
+        size: Edge length that the scene asks for [m], if the mesh is that of a part; else None.
+        edge: Mean edge length of that mesh [m]; else 0.
     """
 
     def __init__(self, source: str, base: Settings, made: Scene) -> None:

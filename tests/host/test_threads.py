@@ -58,6 +58,11 @@ def test_an_error_is_raised_when_nobody_works_any_more(bad: int) -> None:
     assert not running
 
 
+def test_where_no_thread_begins_any_more_the_caller_does_all() -> None:
+    threads._pool().shutdown()
+    assert together([threading.get_ident] * 3) == [threading.get_ident()] * 3
+
+
 def test_callers_do_not_wait_for_each_other() -> None:
     """Several threads may ask at once, more than there are helpers."""
     found = list[list[int]]()
